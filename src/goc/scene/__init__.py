@@ -1,0 +1,22 @@
+"""Nouns: frozen, shaped, frame-named. Metres, radians, OpenCV cameras, float32. Imports nothing else of goc."""
+
+from goc.scene.camera import Camera
+from goc.scene.capture import ROOM, UNLABELLED, Capture, Frame, PointCloud
+from goc.scene.gaussians import Gaussians
+from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene.reconstruction import Reconstruction
+
+__all__ = [
+    "ROOM",
+    "UNLABELLED",
+    "Camera",
+    "Capture",
+    "Evidence",
+    "EvidenceGrid",
+    "Frame",
+    "Gaussians",
+    "Mesh",
+    "ObjectMesh",
+    "PointCloud",
+    "Reconstruction",
+]

@@ -1,0 +1,40 @@
+"""A posed pinhole camera."""
+
+from dataclasses import dataclass, replace
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)  # eq=False: arrays have no truth value
+class Camera:
+    """A posed pinhole camera: x right, y down, z forward; pixel (0, 0) is centred at (0.5, 0.5)."""
+
+    focal_px: Float[Tensor, "2"]
+    centre_px: Float[Tensor, "2"]
+    width: int
+    height: int
+    world_from_cam: Float[Tensor, "4 4"]
+    """Rigid pose, metres."""
+
+    @property
+    def cam_from_world(self) -> Float[Tensor, "4 4"]:
+        """Inverse of the rigid pose."""
+        rotation = self.world_from_cam[:3, :3].T
+        inverse = torch.eye(4, dtype=self.world_from_cam.dtype)
+        inverse[:3, :3] = rotation
+        inverse[:3, 3] = -rotation @ self.world_from_cam[:3, 3]
+        return inverse
+
+    @property
+    def position(self) -> Float[Tensor, "3"]:
+        """Centre of projection, world."""
+        return self.world_from_cam[:3, 3]
+
+    def resized(self, width: int, height: int) -> "Camera":
+        """The same view on another pixel raster."""
+        scale = torch.tensor([width / self.width, height / self.height], dtype=self.focal_px.dtype)
+        return replace(
+            self, focal_px=self.focal_px * scale, centre_px=self.centre_px * scale, width=width, height=height
+        )

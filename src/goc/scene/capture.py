@@ -1,0 +1,69 @@
+"""What was photographed: posed images, with depth and instance ids where there are any."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float, Float32, Int16, UInt8
+from torch import Tensor
+
+from goc.scene.camera import Camera
+
+UNLABELLED = -1
+"""Id of a pixel nobody labelled: carries no loss and no vote (files say 255, or 65535 in 16 bits)."""
+
+ROOM = 0
+"""Id of walls, floor and ceiling; objects count from 1."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Frame:
+    """One view, decoded. All images have the camera's height and width."""
+
+    camera: Camera
+    image: UInt8[Tensor, "h w 3"]
+    """sRGB as stored."""
+    depth: Float[Tensor, "h w"] | None = None
+    """z along the optical axis, metres; NaN = none."""
+    normals: Float[Tensor, "h w 3"] | None = None
+    """Unit, camera axes, towards the camera (z < 0); NaN = none."""
+    ids: Int16[Tensor, "h w"] | None = None
+    """0 = room, 1… = objects, UNLABELLED (-1) = unknown."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PointCloud:
+    """Coloured points, such as the sparse points of structure from motion."""
+
+    positions: Float32[np.ndarray, "p 3"]
+    colours: UInt8[np.ndarray, "p 3"]
+    normals: Float32[np.ndarray, "p 3"] | None = None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Capture:
+    """A set of posed views. Images are decoded by `load` when asked for, through the reader's bounded cache."""
+
+    cameras: tuple[Camera, ...]
+    names: tuple[str, ...]
+    """What errors and reports call each view: its image path inside the capture."""
+    load: Callable[[int], Frame]
+    has_depth: bool
+    """Some view has depth; a single view may still lack it."""
+    has_ids: bool
+    points: PointCloud | None = None
+    labels: dict[int, str] = field(default_factory=dict)
+    """Names of ids where the capture gives them."""
+    unit: float = 1.0
+    """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that
+    thresholds stated in metres mean something."""
+    metric: bool = True
+
+    def __len__(self) -> int:
+        return len(self.cameras)
+
+    def __getitem__(self, index: int) -> Frame:
+        return self.load(index)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self.load(index) for index in range(len(self)))

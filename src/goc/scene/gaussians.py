@@ -1,0 +1,60 @@
+"""The scene as 3D Gaussians."""
+
+from dataclasses import dataclass, fields
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Gaussians:
+    """n splats, parameterised as in 3D Gaussian Splatting (Kerbl et al. 2023), paper §4.1."""
+
+    means: Float[Tensor, "n 3"]
+    """World, metres."""
+    quats: Float[Tensor, "n 4"]
+    """Rotation world from splat axes, wxyz; any non-zero length."""
+    log_scales: Float[Tensor, "n 3"]
+    """Natural logarithm of the standard deviations along the splat's axes, metres."""
+    opacity_logits: Float[Tensor, "n"]
+    sh: Float[Tensor, "n k 3"]
+    """Real spherical harmonics of colour, k = (degree + 1)²; colour = 0.5 + Σ sh·Y, sRGB."""
+    identity: Float[Tensor, "n f"] | None = None
+    """Instance features f of Eq. (7), where they are learned."""
+
+    def __len__(self) -> int:
+        return self.means.shape[0]
+
+    @property
+    def sh_degree(self) -> int:
+        """Degree of the colour's spherical harmonics."""
+        return round(self.sh.shape[1] ** 0.5) - 1
+
+    def __getitem__(self, index: Tensor) -> "Gaussians":
+        """The splats that a boolean mask or an index tensor selects."""
+        chosen = {}
+        for item in fields(self):
+            value = getattr(self, item.name)
+            chosen[item.name] = None if value is None else value[index]
+        return Gaussians(**chosen)
+
+    def detached(self) -> "Gaussians":
+        """The same numbers outside any autograd graph."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return Gaussians(**{name: None if value is None else value.detach() for name, value in values.items()})
+
+
+def normals_of(quats: Float[Tensor, "n 4"], log_scales: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
+    """Axis of the smallest scale of each splat, unit, world; its sign is arbitrary."""
+    w, x, y, z = torch.nn.functional.normalize(quats, dim=-1).unbind(-1)
+    columns = torch.stack(
+        [
+            torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1),
+            torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1),
+            torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1),
+        ],
+        1,
+    )
+    thinnest = log_scales.argmin(-1)
+    return columns[torch.arange(len(quats)), thinnest]
