@@ -1,1 +1,14 @@
-"""raster."""
+"""The splat engine: one call, `rasterize`; everything that the paper renders is a choice of channels."""
+
+from goc.raster.rasterize import rasterize, visible_splats
+from goc.raster.render import centre_depths, plane_channels, plane_depth, render, render_labels
+
+__all__ = [
+    "centre_depths",
+    "plane_channels",
+    "plane_depth",
+    "rasterize",
+    "render",
+    "render_labels",
+    "visible_splats",
+]

@@ -5,6 +5,7 @@ from goc.scene.capture import ROOM, UNLABELLED, Capture, Frame, PointCloud
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
 from goc.scene.reconstruction import Reconstruction
+from goc.scene.rendering import Rendering
 
 __all__ = [
     "ROOM",
@@ -19,4 +20,5 @@ __all__ = [
     "ObjectMesh",
     "PointCloud",
     "Reconstruction",
+    "Rendering",
 ]

@@ -1,0 +1,246 @@
+// Tile kernels of the rasteriser: which blocks a splat touches, alpha blending, and its gradient.
+#include "../lanes.hpp"
+#include "simd.hpp"
+
+namespace goc::GOC_ISA {
+namespace {
+
+alignas(64) const float kLaneX[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+alignas(64) const float kLaneY[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+constexpr int kGeometry = 6;    // accumulators of a splat's place, shape and opacity
+constexpr int kPacked = 8;      // floats of a Splat2D
+
+// alpha of the 16 pixels, 0 where it is below 1/255. dx, dy: pixel minus splat.
+GOC_INLINE Lanes alpha_of(const float* packed, Lanes dx, Lanes dy, Lanes& raw) {
+  const Lanes along_x = fma(dx, packed[2], dy * packed[3]);
+  const Lanes power = packed[5] - fma(along_x, dx, dy * dy * packed[4]);
+  raw = exp2_above_minus_8(min(power, splat(0.0f)));
+  return keep(power >= -kLog2Of255, min(raw, splat(kMaxAlpha)));
+}
+
+// Copies the tile's splats and channels together: each is read once for every block it touches.
+template <int C>
+GOC_INLINE void pack(const TileView& tile, float* packed) {
+  for (int r = 0; r < tile.count; ++r) {
+    const std::uint32_t s = tile.order[r];
+    float* to = packed + r * (kPacked + C);
+    __builtin_memcpy(to, tile.splats + s, sizeof(Splat2D));
+    const float* from = tile.channels + (std::size_t)s * tile.channel_stride;
+    for (int c = 0; c < C; ++c) to[kPacked + c] = c < tile.channel_count ? from[c] : 0.0f;
+  }
+}
+
+// The part of a block that lies inside the image.
+struct Inside {
+  int columns, rows;
+};
+GOC_INLINE Inside inside(const TileView& tile, int x, int y) {
+  const int columns = tile.width - x, rows = tile.height - y;
+  return {columns < kBlock ? columns : kBlock, rows < kBlock ? rows : kBlock};
+}
+
+GOC_INLINE Lanes load_block(const float* plane, int width, Inside in) {
+  alignas(64) float out[16] = {};
+  for (int j = 0; j < in.rows; ++j)
+    for (int i = 0; i < in.columns; ++i) out[j * kBlock + i] = plane[(std::size_t)j * width + i];
+  return load(out);
+}
+GOC_INLINE void store_block(float* plane, int width, Inside in, Lanes values) {
+  alignas(64) float out[16];
+  store(out, values);
+  for (int j = 0; j < in.rows; ++j)
+    for (int i = 0; i < in.columns; ++i) plane[(std::size_t)j * width + i] = out[j * kBlock + i];
+}
+
+template <int C>
+void forward(const TileView& tile, float* image, float* alpha, float* scratch) {
+  constexpr int kStride = kPacked + C;
+  pack<C>(tile, scratch);
+  auto* lists = (std::uint32_t*)(scratch + (std::size_t)tile.count * kStride);
+  int counts[16] = {};
+  for (int r = 0; r < tile.count; ++r)
+    for (std::uint32_t rest = tile.masks[r]; rest; rest &= rest - 1) {
+      const int b = __builtin_ctz(rest);
+      lists[b * tile.count + counts[b]++] = r;
+    }
+  const std::size_t plane = (std::size_t)tile.width * tile.height;
+  for (int b = 0; b < 16; ++b) {
+    const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
+    if (x >= tile.width || y >= tile.height) continue;
+    const Lanes px = load(kLaneX) + (x + 0.5f), py = load(kLaneY) + (y + 0.5f);
+    Lanes transmittance = splat(1.0f), total = splat(0.0f), colour[C];
+    for (int c = 0; c < C; ++c) colour[c] = splat(0.0f);
+    for (int i = 0; i < counts[b]; ++i) {
+      const float* s = scratch + (std::size_t)lists[b * tile.count + i] * kStride;
+      Lanes raw;
+      const Lanes a = alpha_of(s, px - s[0], py - s[1], raw);
+      const Lanes next = transmittance * (1.0f - a);
+      const Mask alive = next >= kMinTransmittance;
+      const Lanes weight = keep(alive, a * transmittance);
+      transmittance = keep(alive, next);
+      total = total + weight;
+      for (int c = 0; c < C; ++c) colour[c] = fma(weight, s[kPacked + c], colour[c]);
+      if (!bits(alive)) break;
+    }
+    const Inside in = inside(tile, x, y);
+    const std::size_t at = (std::size_t)y * tile.width + x;
+    store_block(alpha + at, tile.width, in, total);
+    for (int c = 0; c < C; ++c)
+      if (c < tile.channel_count) store_block(image + c * plane + at, tile.width, in, colour[c]);
+  }
+}
+
+// What backward carries along a block's rays, front to back.
+template <int C>
+struct alignas(64) Block {  // aligned: a 64-byte access across two cache lines costs several times more
+  float transmittance[16], rest[16], alpha_grad[16], grad[C][16], px[16], py[16];
+};
+
+// Loads the upstream gradients; rest = Σ_i w_i v_i with v_i = grad·channels_i + alpha_grad, known from the image alone.
+template <int C>
+std::uint32_t begin_blocks(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
+                           const float* alpha_grad, Block<C>* blocks) {
+  const std::size_t plane = (std::size_t)tile.width * tile.height;
+  std::uint32_t alive = 0;
+  for (int b = 0; b < 16; ++b) {
+    const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
+    if (x >= tile.width || y >= tile.height) continue;
+    alive |= 1u << b;
+    const Inside in = inside(tile, x, y);
+    const std::size_t at = (std::size_t)y * tile.width + x;
+    Lanes upstream = alpha_grad ? load_block(alpha_grad + at, tile.width, in) : splat(0.0f);
+    Lanes rest = upstream * load_block(alpha + at, tile.width, in);
+    store(blocks[b].alpha_grad, upstream);
+    for (int c = 0; c < C; ++c) {
+      Lanes g = splat(0.0f);
+      if (c < tile.channel_count) {
+        g = load_block(image_grad + c * plane + at, tile.width, in);
+        rest = fma(g, load_block(image + c * plane + at, tile.width, in), rest);
+      }
+      store(blocks[b].grad[c], g);
+    }
+    // Pixels outside the image start opaque: nothing reaches them.
+    for (int i = 0; i < 16; ++i)
+      blocks[b].transmittance[i] = i % kBlock < in.columns && i / kBlock < in.rows ? 1.0f : 0.0f;
+    store(blocks[b].rest, rest);
+    store(blocks[b].px, load(kLaneX) + (x + 0.5f));
+    store(blocks[b].py, load(kLaneY) + (y + 0.5f));
+  }
+  return alive;
+}
+
+// Front-to-back gradient (paper Eq. 1): dL/dα_i = T_i v_i − (Σ_{j>i} w_j v_j)/(1 − α_i), where the sum behind i is what
+// is left of `rest`: one scalar a pixel instead of one buffer a channel.
+template <int C, bool kChannelsOnly>
+void backward(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
+              const float* alpha_grad, float* grads, int grad_stride, float* scratch) {
+  constexpr int kStride = kPacked + C;
+  pack<C>(tile, scratch);
+  Block<C> blocks[16];
+  std::uint32_t alive = begin_blocks<C>(tile, image, alpha, image_grad, alpha_grad, blocks);
+  for (int r = 0; r < tile.count; ++r) {
+    std::uint32_t touched = tile.masks[r] & alive;
+    if (!touched) continue;
+    const float* s = scratch + (std::size_t)r * kStride;
+    Lanes geometry[kGeometry], channel[C];
+    for (int k = 0; k < kGeometry; ++k) geometry[k] = splat(0.0f);
+    for (int c = 0; c < C; ++c) channel[c] = splat(0.0f);
+    for (; touched; touched &= touched - 1) {
+      const int b = __builtin_ctz(touched);
+      Block<C>& block = blocks[b];
+      const Lanes dx = load(block.px) - s[0], dy = load(block.py) - s[1];
+      Lanes raw;
+      const Lanes a = alpha_of(s, dx, dy, raw);
+      const Lanes transmittance = load(block.transmittance), through = 1.0f - a;
+      const Lanes next = transmittance * through;
+      const Mask open = next >= kMinTransmittance;
+      const Lanes weight = keep(open, a * transmittance);
+      store(block.transmittance, keep(open, next));
+      if (!bits(open)) alive &= ~(1u << b);
+      Lanes value = kChannelsOnly ? splat(0.0f) : load(block.alpha_grad);
+      for (int c = 0; c < C; ++c) {
+        const Lanes g = load(block.grad[c]);
+        channel[c] = fma(weight, g, channel[c]);
+        if (!kChannelsOnly) value = fma(g, s[kPacked + c], value);
+      }
+      if (kChannelsOnly) continue;
+      const Lanes rest = load(block.rest) - weight * value;
+      store(block.rest, rest);
+      // Times dα/dpower = α ln 2; a capped alpha no longer depends on its power.
+      const Lanes slope = keep(open & (raw <= kMaxAlpha), a * 0.6931471805599453f);
+      const Lanes g = slope * (transmittance * value - rest / through);
+      const Lanes gx = g * dx, gy = g * dy;
+      geometry[0] = geometry[0] + g;
+      geometry[1] = geometry[1] + gx;
+      geometry[2] = geometry[2] + gy;
+      geometry[3] = fma(gx, dx, geometry[3]);
+      geometry[4] = fma(gx, dy, geometry[4]);
+      geometry[5] = fma(gy, dy, geometry[5]);
+    }
+    float* out = grads + (std::size_t)r * grad_stride;
+    if (!kChannelsOnly)
+      for (int k = 0; k < kGeometry; ++k) out[k] += sum(geometry[k]);
+    for (int c = 0; c < C; ++c)
+      if (c < tile.channel_count) out[kGeometry + tile.channel_offset + c] = sum(channel[c]);
+    if (!alive) break;
+  }
+}
+
+#define GOC_FOR_CHANNELS(CALL)                                                                     \
+  switch (tile.channel_count) {                                                                    \
+    case 1: return CALL(1);                                                                        \
+    case 2: return CALL(2);                                                                        \
+    case 3: return CALL(3);                                                                        \
+    case 4: return CALL(4);                                                                        \
+    case 5: return CALL(5);                                                                        \
+    case 6: return CALL(6);                                                                        \
+    case 7: return CALL(7);                                                                        \
+    case 8: return CALL(8);                                                                        \
+    default: break;                                                                                \
+  }                                                                                                \
+  if (tile.channel_count <= 12) return CALL(12);                                                   \
+  if (tile.channel_count <= 16) return CALL(16);                                                   \
+  if (tile.channel_count <= 24) return CALL(24);                                                   \
+  return CALL(32);
+
+void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch) {
+#define GOC_CALL(C) forward<C>(tile, image, alpha, scratch)
+  GOC_FOR_CHANNELS(GOC_CALL)
+#undef GOC_CALL
+}
+
+void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
+                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch) {
+  if (channels_only) {
+#define GOC_CALL(C) backward<C, true>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride, scratch)
+    GOC_FOR_CHANNELS(GOC_CALL)
+#undef GOC_CALL
+  }
+#define GOC_CALL(C) backward<C, false>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride, scratch)
+  GOC_FOR_CHANNELS(GOC_CALL)
+#undef GOC_CALL
+}
+
+// Exact: the least of a convex quadratic over a rectangle lies at the centre, or on one of the two edges that face it.
+// On an edge it is a parabola, so its least point is known; both candidates lie in the rectangle, so the lesser is it.
+std::uint16_t touched_blocks(const Splat2D& s, float tile_x, float tile_y) {
+  const Lanes left = load(kLaneX) * (float)kBlock + (tile_x + 0.5f - s.x);
+  const Lanes top = load(kLaneY) * (float)kBlock + (tile_y + 0.5f - s.y);
+  const Lanes right = left + (kBlock - 1.0f), bottom = top + (kBlock - 1.0f);
+  const Lanes zero = splat(0.0f);
+  const Lanes edge_x = min(max(zero, left), right), edge_y = min(max(zero, top), bottom);
+  const Lanes best_y = min(max(edge_x * (-0.5f * s.b / s.c), top), bottom);
+  const Lanes best_x = min(max(edge_y * (-0.5f * s.b / s.a), left), right);
+  const Lanes on_x = fma(edge_x, fma(edge_x, s.a, best_y * s.b), best_y * best_y * s.c);
+  const Lanes on_y = fma(best_x, fma(best_x, s.a, edge_y * s.b), edge_y * edge_y * s.c);
+  return (std::uint16_t)bits(min(on_x, on_y) <= s.log2_opacity + kLog2Of255);
+}
+
+}  // namespace
+
+extern const Lanes16Kernels kKernels;
+#define GOC_TEXT_(x) #x
+#define GOC_TEXT(x) GOC_TEXT_(x)
+const Lanes16Kernels kKernels = {GOC_TEXT(GOC_ISA), touched_blocks, forward_tile, backward_tile};
+
+}  // namespace goc::GOC_ISA
