@@ -6,7 +6,7 @@
 namespace goc {
 namespace {
 
-const Lanes16Kernels& pick() {
+const Kernels& pick() {
 #ifdef GOC_X86_64
   const char* wanted = std::getenv("GOC_SIMD");
   const bool has_avx512 = __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
@@ -22,8 +22,8 @@ const Lanes16Kernels& pick() {
 
 }  // namespace
 
-const Lanes16Kernels& kernels() {
-  static const Lanes16Kernels& chosen = pick();
+const Kernels& kernels() {
+  static const Kernels& chosen = pick();
   return chosen;
 }
 

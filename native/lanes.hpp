@@ -32,7 +32,12 @@ struct TileView {
   int channel_offset;          // of this pass in a record's gradient
 };
 
-struct Lanes16Kernels {
+// Adam with its bias corrections folded in: rate = lr·√(1 − β2^t)/(1 − β1^t), epsilon scaled by √(1 − β2^t).
+struct AdamStep {
+  float rate, beta1, beta2, epsilon;
+};
+
+struct Kernels {
   const char* name;
   // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b.
   std::uint16_t (*touched_blocks)(const Splat2D& splat, float tile_x, float tile_y);
@@ -43,15 +48,25 @@ struct Lanes16Kernels {
   // dL/dchannel at channel_offset; the six add up over passes. channels_only leaves them alone. alpha_grad may be null.
   void (*backward_tile)(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
                         const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
+  // out[i] = Σ_k taps[k]·padded[i + k]: a row's convolution; padded has width + 2·kSsimRadius floats.
+  void (*blur_row)(const float* padded, int width, float* out);
+  // out[i] = Σ_k taps[k]·rows[k][i]: a column's; a null row counts as zeros.
+  void (*blur_column)(const float* const* rows, int width, float* out);
+  // SSIM of one row from the blurred moments, and its gradient with respect to the three that depend on x.
+  double (*ssim_row)(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy,
+                     int width, float* grad_mean, float* grad_xx, float* grad_xy);
+  void (*adam_run)(float* x, const float* g, float* m, float* v, std::size_t count, const AdamStep& step);
 };
 
-// Kernels of the best instruction set of this machine (or of GOC_SIMD=portable|avx2|avx512 in the environment).
-const Lanes16Kernels& kernels();
+constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5 pixels (Wang et al. 2004)
 
-namespace portable { extern const Lanes16Kernels kKernels; }
+// Kernels of the best instruction set of this machine (or of GOC_SIMD=portable|avx2|avx512 in the environment).
+const Kernels& kernels();
+
+namespace portable { extern const Kernels kKernels; }
 #ifdef GOC_X86_64
-namespace avx2 { extern const Lanes16Kernels kKernels; }
-namespace avx512 { extern const Lanes16Kernels kKernels; }
+namespace avx2 { extern const Kernels kKernels; }
+namespace avx512 { extern const Kernels kKernels; }
 #endif
 
 }  // namespace goc

@@ -1,5 +1,5 @@
 // Tile kernels of the rasteriser: which blocks a splat touches, alpha blending, and its gradient.
-#include "../lanes.hpp"
+#include "kernels.hpp"
 #include "simd.hpp"
 
 namespace goc::GOC_ISA {
@@ -203,6 +203,8 @@ void backward(const TileView& tile, const float* image, const float* alpha, cons
   if (tile.channel_count <= 24) return CALL(24);                                                   \
   return CALL(32);
 
+}  // namespace
+
 void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch) {
 #define GOC_CALL(C) forward<C>(tile, image, alpha, scratch)
   GOC_FOR_CHANNELS(GOC_CALL)
@@ -235,12 +237,5 @@ std::uint16_t touched_blocks(const Splat2D& s, float tile_x, float tile_y) {
   const Lanes on_y = fma(best_x, fma(best_x, s.a, edge_y * s.b), edge_y * edge_y * s.c);
   return (std::uint16_t)bits(min(on_x, on_y) <= s.log2_opacity + kLog2Of255);
 }
-
-}  // namespace
-
-extern const Lanes16Kernels kKernels;
-#define GOC_TEXT_(x) #x
-#define GOC_TEXT(x) GOC_TEXT_(x)
-const Lanes16Kernels kKernels = {GOC_TEXT(GOC_ISA), touched_blocks, forward_tile, backward_tile};
 
 }  // namespace goc::GOC_ISA

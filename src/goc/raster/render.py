@@ -6,10 +6,11 @@ from torch import Tensor
 
 from goc.geometry.harmonics import colours_towards
 from goc.geometry.rays import pixel_rays
+from goc.geometry.rotations import matrices_of_quats
 from goc.raster.rasterize import rasterize
 from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED
-from goc.scene.gaussians import Gaussians, normals_of
+from goc.scene.gaussians import Gaussians
 from goc.scene.rendering import Rendering
 
 _LABELS_A_PASS = 24
@@ -29,7 +30,9 @@ def plane_channels(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 4"]
     """
     view = camera.cam_from_world
     centres = gaussians.means @ view[:3, :3].T + view[:3, 3]
-    normals = normals_of(gaussians.quats, gaussians.log_scales) @ view[:3, :3].T
+    thinnest = gaussians.log_scales.argmin(-1)
+    axes = matrices_of_quats(gaussians.quats)[torch.arange(len(gaussians)), :, thinnest]
+    normals = axes @ view[:3, :3].T
     distances = (normals * centres).sum(-1, keepdim=True)
     # A plane before the camera that faces it has n·centre < 0.
     sign = torch.where(distances > 0, -1.0, 1.0)

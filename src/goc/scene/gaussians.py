@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass, fields
 
-import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -43,18 +42,3 @@ class Gaussians:
         """The same numbers outside any autograd graph."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return Gaussians(**{name: None if value is None else value.detach() for name, value in values.items()})
-
-
-def normals_of(quats: Float[Tensor, "n 4"], log_scales: Float[Tensor, "n 3"]) -> Float[Tensor, "n 3"]:
-    """Axis of the smallest scale of each splat, unit, world; its sign is arbitrary."""
-    w, x, y, z = torch.nn.functional.normalize(quats, dim=-1).unbind(-1)
-    columns = torch.stack(
-        [
-            torch.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], -1),
-            torch.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], -1),
-            torch.stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)], -1),
-        ],
-        1,
-    )
-    thinnest = log_scales.argmin(-1)
-    return columns[torch.arange(len(quats)), thinnest]

@@ -1,0 +1,17 @@
+// The kernels of one instruction set, declared in its namespace.
+#pragma once
+#include "../lanes.hpp"
+
+namespace goc::GOC_ISA {
+
+std::uint16_t touched_blocks(const Splat2D& splat, float tile_x, float tile_y);
+void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch);
+void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
+                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
+void blur_row(const float* padded, int width, float* out);
+void blur_column(const float* const* rows, int width, float* out);
+double ssim_row(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy, int width,
+                float* grad_mean, float* grad_xx, float* grad_xy);
+void adam_run(float* x, const float* g, float* m, float* v, std::size_t count, const AdamStep& step);
+
+}  // namespace goc::GOC_ISA

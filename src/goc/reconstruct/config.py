@@ -1,0 +1,102 @@
+"""Settings of stage 2."""
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights of Eq. (6); 0 switches a loss off."""
+
+    ssim: float = 0.2
+    """Share of 1 - SSIM in the photometric loss L_c; the rest is L1."""
+    depth: float = 0.3
+    """L_d, Eq. (3): rendered against given depth."""
+    depth_normal: float = 0.1
+    """L_dn, Eq. (4): normals of the rendered depth against those of the given depth."""
+    identity: float = 0.1
+    """L_o: cross-entropy of learned instance features; only with labels = learned."""
+
+
+@dataclass(frozen=True)
+class LearningRates:
+    """Adam's step sizes."""
+
+    means: float = 1.6e-4
+    """Times the scene's extent; falls exponentially to means_final of itself."""
+    means_final: float = 0.01
+    """What is left of the rate of the means at the last step."""
+    quats: float = 1e-3
+    """Rotations."""
+    log_scales: float = 5e-3
+    """Sizes."""
+    opacity_logits: float = 5e-2
+    """Opacities."""
+    sh_constant: float = 2.5e-3
+    """View-independent colour."""
+    sh_rest: float = 1.25e-4
+    """View-dependent colour."""
+    identity: float = 2.5e-3
+    """Instance features and their classifier."""
+
+
+@dataclass(frozen=True)
+class Mcmc:
+    """Relocation, growth and noise after Kheradmand et al. (2024), "3DGS as Markov Chain Monte Carlo"."""
+
+    max_splats: int = 80_000
+    """The budget; seeds from depth start there, others grow to it."""
+    every: int = 100
+    """Steps between relocations."""
+    start: float = 0.1
+    """First relocation, as a share of all steps."""
+    stop: float = 0.8
+    """No relocation and no noise after this share of all steps."""
+    growth: float = 0.05
+    """New splats a relocation, as a share of those there are."""
+    min_opacity: float = 0.005
+    """Splats below are dead and move to where live ones are."""
+    noise: float = 5e5
+    """Strength of the exploration noise, times the rate of the means."""
+    opacity_penalty: float = 0.01
+    """Pull of visible splats towards transparency."""
+    scale_penalty: float = 0.01
+    """Pull of visible splats towards smallness, per metre."""
+
+
+@dataclass(frozen=True)
+class SeedConfig:
+    """Where the first splats come from."""
+
+    random_points: int = 20_000
+    """Points in the scene box, where a capture has neither depth nor points."""
+    flatness: float = 0.15
+    """Thickness over width of a seed splat with a known normal."""
+    opacity: float = 0.8
+    """Opacity of seeds on measured surface."""
+
+
+@dataclass(frozen=True)
+class ReconstructConfig:
+    """How splats are optimised (paper §4)."""
+
+    iterations: int = 3000
+    """Optimisation steps, one view each."""
+    sh_degree: int = 1
+    """Degree of view-dependent colour, 0 to 3."""
+    labels: Literal["votes", "learned"] = "votes"
+    """votes: each splat takes the id whose pixels it colours most. learned: the paper's features, MLP and L_o."""
+    holdout_every: int = 10
+    """Every n-th view is kept out of the optimisation and measures PSNR; 0 trains on all."""
+    checkpoint_every: int = 500
+    """Steps between checkpoints, where there is a folder for them."""
+    seed: int = 0
+    """Random seed: the same seed gives the same bits on a CPU, for any number of threads."""
+    seeding: SeedConfig = field(default_factory=SeedConfig)
+    """First splats."""
+    losses: LossWeights = field(default_factory=LossWeights)
+    """Weights of the losses."""
+    rates: LearningRates = field(default_factory=LearningRates)
+    """Step sizes."""
+    mcmc: Mcmc = field(default_factory=Mcmc)
+    """Relocation, growth and noise."""

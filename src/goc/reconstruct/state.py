@@ -1,0 +1,133 @@
+"""What optimisation changes: parameters, Adam's moments and the step; and how it is kept on disk."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import torch
+from torch import Tensor
+
+from goc import _native
+from goc.errors import ReconstructError
+from goc.files import read_tensors, write_tensors
+from goc.scene.gaussians import Gaussians
+
+_BETA1, _BETA2, _EPSILON = 0.9, 0.999, 1e-15
+_SHARED = "classifier."
+"""Prefix of parameters that have no row a splat."""
+
+
+@dataclass(eq=False)
+class State:
+    """Mutable; lives inside one optimisation and leaves it as Gaussians."""
+
+    parameters: dict[str, Tensor]
+    """Per splat: means, quats, log_scales, opacity_logits, sh_constant (n 1 3), sh_rest (n k 3), identity (n f).
+    Shared: those that start with "classifier."."""
+    first: dict[str, Tensor]
+    second: dict[str, Tensor]
+    step: int = 0
+
+    @property
+    def per_splat(self) -> list[str]:
+        """Names of the parameters with one row a splat."""
+        return [name for name in self.parameters if not name.startswith(_SHARED)]
+
+    @property
+    def splats(self) -> int:
+        """How many splats there are."""
+        return len(self.parameters["means"])
+
+    def gaussians(self) -> Gaussians:
+        """The splats as they are now, sharing memory and autograd graph."""
+        p = self.parameters
+        return Gaussians(
+            means=p["means"],
+            quats=p["quats"],
+            log_scales=p["log_scales"],
+            opacity_logits=p["opacity_logits"],
+            sh=torch.cat([p["sh_constant"], p["sh_rest"]], 1),
+            identity=p.get("identity"),
+        )
+
+    def adam(self, rates: dict[str, float]) -> None:
+        """One Adam step on every parameter that has a gradient; clears the gradients."""
+        for name, parameter in self.parameters.items():
+            if parameter.grad is None or parameter.numel() == 0:
+                continue
+            _native.adam(
+                parameter.detach().view(-1),
+                parameter.grad.contiguous().view(-1),
+                self.first[name].view(-1),
+                self.second[name].view(-1),
+                rates[name],
+                _BETA1,
+                _BETA2,
+                _EPSILON,
+                self.step + 1,
+            )
+            parameter.grad = None
+
+    def resize(self, source: Tensor) -> None:
+        """Make row i of every per-splat parameter what row source[i] was; moments start from zero for copies."""
+        kept = len(self.parameters["means"])
+        for name in self.per_splat:
+            rows = self.parameters[name].detach()[source].contiguous()
+            self.parameters[name] = rows.requires_grad_()
+            for moments in (self.first, self.second):
+                grown = torch.zeros_like(rows)
+                grown[:kept] = moments[name]
+                moments[name] = grown
+
+    def forget(self, rows: Tensor) -> None:
+        """Zero Adam's moments of the given splats."""
+        for name in self.per_splat:
+            self.first[name][rows] = 0.0
+            self.second[name][rows] = 0.0
+
+
+def initial_state(gaussians: Gaussians, shared: dict[str, Tensor]) -> State:
+    """Optimisation of the given splats and shared parameters, from step 0."""
+    parameters = {
+        "means": gaussians.means,
+        "quats": gaussians.quats,
+        "log_scales": gaussians.log_scales,
+        "opacity_logits": gaussians.opacity_logits,
+        "sh_constant": gaussians.sh[:, :1],
+        "sh_rest": gaussians.sh[:, 1:],
+    }
+    if gaussians.identity is not None:
+        parameters["identity"] = gaussians.identity
+    parameters |= {_SHARED + name: value for name, value in shared.items()}
+    parameters = {name: value.detach().clone().contiguous().requires_grad_() for name, value in parameters.items()}
+    zeros = [{name: torch.zeros_like(value, requires_grad=False) for name, value in parameters.items()} for _ in "12"]
+    return State(parameters=parameters, first=zeros[0], second=zeros[1])
+
+
+def save_checkpoint(path: Path, state: State, fingerprint: str) -> None:
+    """Write everything the next step depends on, atomically; randomness depends on the step alone."""
+    tensors = {}
+    for kind in ("parameters", "first", "second"):
+        tensors |= {f"{kind}/{name}": value.detach() for name, value in getattr(state, kind).items()}
+    write_tensors(path, tensors, {"step": str(state.step), "fingerprint": fingerprint})
+
+
+def load_checkpoint(path: Path, fingerprint: str) -> State:
+    """Read a checkpoint of the same capture and settings.
+
+    Raises:
+        ReconstructError: it was made with other settings, or lacks a tensor.
+    """
+    tensors, metadata = read_tensors(path)
+    if metadata.get("fingerprint") != fingerprint:
+        raise ReconstructError(
+            f"{path}: made from another capture or with other settings. "
+            "Repeat the command that made it, or leave out --resume to start again."
+        )
+    kinds: dict[str, dict[str, Tensor]] = {"parameters": {}, "first": {}, "second": {}}
+    for key, value in tensors.items():
+        kind, _, name = key.partition("/")
+        kinds.setdefault(kind, {})[name] = value
+    if not set(kinds["parameters"]) == set(kinds["first"]) == set(kinds["second"]) or "step" not in metadata:
+        raise ReconstructError(f"{path}: parameters and moments do not match. Leave out --resume to start again.")
+    parameters = {name: value.requires_grad_() for name, value in kinds["parameters"].items()}
+    return State(parameters=parameters, first=kinds["first"], second=kinds["second"], step=int(metadata["step"]))
