@@ -1,1 +1,48 @@
-"""files."""
+"""The one I/O layer: strict readers that raise FileError and nothing else, and writers that never leave half a file."""
+
+from goc.files.atomic import write_atomic, write_bytes
+from goc.files.documents import read_json, read_matrix, write_json
+from goc.files.images import (
+    image_size,
+    read_depth,
+    read_ids,
+    read_image,
+    write_depth,
+    write_ids,
+    write_png,
+)
+from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
+from goc.files.ply import Lists, read_ply, write_ply
+from goc.files.reading import is_file, is_folder, read_bytes
+from goc.files.splats import read_splats, write_splats
+from goc.files.tensors import read_tensors, write_tensors
+
+__all__ = [
+    "Lists",
+    "image_size",
+    "is_file",
+    "is_folder",
+    "read_bytes",
+    "read_depth",
+    "read_ids",
+    "read_image",
+    "read_json",
+    "read_matrix",
+    "read_mesh",
+    "read_observed_mesh",
+    "read_ply",
+    "read_points",
+    "read_splats",
+    "read_tensors",
+    "write_atomic",
+    "write_bytes",
+    "write_depth",
+    "write_ids",
+    "write_json",
+    "write_mesh",
+    "write_ply",
+    "write_png",
+    "write_points",
+    "write_splats",
+    "write_tensors",
+]

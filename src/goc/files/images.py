@@ -1,0 +1,164 @@
+"""Colour, depth and id images.
+
+Pixels come as stored: an EXIF orientation is not applied, since poses refer to stored pixels.
+"""
+
+import io
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float32, Int16, Shaped, UInt8, UInt16
+from PIL import Image
+
+from goc.errors import FileError
+from goc.files.atomic import write_bytes
+from goc.files.reading import brief, read_bytes, unreadable
+from goc.scene import UNLABELLED
+
+MAX_PIXELS = 89_000_000
+"""Larger images are refused before they are decoded (just below the size where Pillow begins to object)."""
+
+_FORMATS = ("PNG", "JPEG", "WEBP", "BMP")  # not EPS and the like, whose decoders start other programs
+_LIMIT = 1 << 30
+_MILLIMETRE = 0.001
+
+
+def image_size(path: Path) -> tuple[int, int]:
+    """(width, height) from the header alone.
+
+    Raises:
+        FileError: missing, not an image, or beyond MAX_PIXELS.
+    """
+    try:
+        with path.open("rb") as file:
+            return _opened(path, file).size
+    except (OSError, ValueError) as error:
+        raise unreadable(path, error) from error
+
+
+def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
+    """Read a colour image as sRGB. Grey and palette images are expanded, transparency is dropped, 16 bits become 8.
+
+    Raises:
+        FileError: missing, not an image, damaged, or beyond MAX_PIXELS.
+    """
+    image = _decoded(path)
+    if image.mode.startswith("I"):  # 16-bit grey: Pillow would clip it
+        grey = _wide(path, image)
+        return np.repeat((grey >> 8).astype(np.uint8)[..., None], 3, 2)
+    return np.array(image.convert("RGB"))
+
+
+def read_depth(path: Path, unit: float = _MILLIMETRE) -> Float32[np.ndarray, "h w"]:
+    """Read a depth image: a grey PNG, 8 or 16 bits, or a .npy array.
+
+    Args:
+        path: stored values, 0 (or anything not finite or negative) = none.
+        unit: what a stored 1 means, metres.
+
+    Returns:
+        Metres, NaN = none.
+
+    Raises:
+        FileError: missing, damaged, or not a single channel.
+    """
+    values = _read_npy(path) if path.suffix.lower() == ".npy" else _channel(path, "a depth image")
+    with np.errstate(over="ignore", invalid="ignore"):
+        metres = values.astype(np.float32) * np.float32(unit)
+        return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(np.nan))
+
+
+def read_ids(path: Path) -> Int16[np.ndarray, "h w"]:
+    """Read instance ids: a grey or palette image of 8 bits (255 = UNLABELLED) or 16 bits (65535 = UNLABELLED).
+
+    Raises:
+        FileError: missing, damaged, coloured, or ids beyond 32767.
+    """
+    stored = _channel(path, "an id image")
+    unknown = np.iinfo(stored.dtype).max
+    ids = stored.astype(np.int32)
+    ids[stored == unknown] = UNLABELLED
+    if ids.size and ids.max() > np.iinfo(np.int16).max:
+        raise FileError(f"{path}: holds id {ids.max()}, beyond {np.iinfo(np.int16).max}. Number the objects from 1.")
+    return ids.astype(np.int16)
+
+
+def write_png(
+    path: Path, pixels: UInt8[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
+) -> None:
+    """Write a PNG of 8-bit colour, 8-bit grey or 16-bit grey, atomically."""
+    encoded = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(encoded, format="PNG", compress_level=4)
+    write_bytes(path, encoded.getvalue())
+
+
+def write_depth(path: Path, depth: Float[np.ndarray, "h w"]) -> None:
+    """Write metres as a 16-bit PNG in millimetres, atomically; NaN, and what is beyond 65.535 m, becomes 0 = none."""
+    with np.errstate(invalid="ignore"):
+        millimetres = np.rint(depth / _MILLIMETRE)
+        kept = np.where((millimetres > 0) & (millimetres <= np.iinfo(np.uint16).max), millimetres, 0)
+    write_png(path, kept.astype(np.uint16))
+
+
+def write_ids(path: Path, ids: Int16[np.ndarray, "h w"]) -> None:
+    """Write instance ids atomically: 8 bits while ids stay below 255, else 16; UNLABELLED becomes 255 or 65535."""
+    stored_as = np.uint8 if ids.size == 0 or ids.max() < 255 else np.uint16
+    write_png(path, np.where(ids == UNLABELLED, np.iinfo(stored_as).max, ids).astype(stored_as))
+
+
+def _opened(path: Path, file: io.BufferedIOBase) -> Image.Image:
+    """Header parsed, pixels not yet decoded."""
+    try:
+        image = Image.open(file, formats=_FORMATS)
+    except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
+        raise FileError(f"{path}: {brief(error)}. Scale the capture down.") from error
+    except Exception as error:  # Pillow raises a dozen types on damaged headers
+        raise FileError(f"{path}: not a readable {', '.join(_FORMATS)} image. Write it again.") from error
+    if image.width * image.height > MAX_PIXELS:
+        size = f"{image.width} x {image.height}"
+        raise FileError(f"{path}: {size} pixels, more than {MAX_PIXELS // 10**6} million. Scale the capture down.")
+    return image
+
+
+def _decoded(path: Path) -> Image.Image:
+    image = _opened(path, io.BytesIO(read_bytes(path, _LIMIT)))
+    try:
+        image.load()
+    except Exception as error:  # Pillow raises a dozen types on damaged data
+        raise FileError(f"{path}: damaged or cut short ({brief(error)}). Copy or write it again.") from error
+    return image
+
+
+def _wide(path: Path, image: Image.Image) -> UInt16[np.ndarray, "h w"]:
+    values = np.asarray(image)
+    if values.size and (values.min() < 0 or values.max() > np.iinfo(np.uint16).max):
+        raise FileError(f"{path}: holds values beyond 16 bits. Write it as a 16-bit PNG.")
+    return values.astype(np.uint16)
+
+
+def _channel(path: Path, what: str) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]:
+    """The stored numbers of a grey or palette image; three equal channels count as grey."""
+    image = _decoded(path)
+    if image.mode.startswith("I"):
+        return _wide(path, image)
+    values = np.array(image).astype(np.uint8)  # mode 1 comes as bool, P as palette indices
+    if image.mode in ("1", "L", "P"):
+        return values
+    colour = values[..., :1] if image.mode in ("LA", "PA") else values[..., :3]
+    if image.mode not in ("LA", "PA", "RGB", "RGBA") or (colour != colour[..., :1]).any():
+        raise FileError(f"{path}: expected {what} with one channel, found {image.mode} colours. Write it as grey PNG.")
+    return np.ascontiguousarray(colour[..., 0])
+
+
+def _read_npy(path: Path) -> Shaped[np.ndarray, "h w"]:
+    try:
+        values = np.lib.format.open_memmap(path, mode="r")  # no pickles; checks the shape against the file's size
+    except OSError as error:
+        raise unreadable(path, error) from error
+    except Exception as error:  # its header parser raises whatever Python's does
+        raise FileError(f"{path}: not a readable .npy file ({brief(error)}). Write it again.") from error
+    if values.dtype.kind not in "uif" or values.ndim not in (2, 3) or values.ndim == 3 and values.shape[2] != 1:
+        raise FileError(
+            f"{path}: expected an array (h w) of numbers, found {values.shape} {values.dtype}. Write it again."
+        )
+    return np.array(values).reshape(values.shape[:2])
