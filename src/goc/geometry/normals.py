@@ -17,5 +17,5 @@ def normals_from_depth(depth: Float[Tensor, "h w"], camera: Camera) -> Float[Ten
     points = pixel_rays(camera) * depth[..., None]
     right = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]
-    inner = torch.nn.functional.normalize(torch.linalg.cross(down, right), dim=-1, eps=1e-20)
+    inner = torch.nn.functional.normalize(torch.linalg.cross(down, right), dim=-1, eps=1e-12)
     return torch.nn.functional.pad(inner, (0, 0, 1, 1, 1, 1), value=torch.nan)

@@ -1,1 +1,16 @@
-"""reconstruct."""
+"""Stage 2, Capture → Reconstruction: seed, losses, MCMC moves, optimisation, labels (paper §4)."""
+
+from goc.reconstruct.config import LearningRates, LossWeights, Mcmc, ReconstructConfig, SeedConfig
+from goc.reconstruct.labels import vote_labels
+from goc.reconstruct.reconstruct import reconstruct, split_views
+
+__all__ = [
+    "LearningRates",
+    "LossWeights",
+    "Mcmc",
+    "ReconstructConfig",
+    "SeedConfig",
+    "reconstruct",
+    "split_views",
+    "vote_labels",
+]

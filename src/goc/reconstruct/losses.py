@@ -57,8 +57,9 @@ def depth_normal_loss(
     Returns:
         Scalar in [0, 2], 0 where both agree; pixels without one or the other do not count.
     """
-    cosine = (normals * prior).sum(-1)
-    known = torch.isfinite(cosine)
+    known = torch.isfinite(normals).all(-1) & torch.isfinite(prior).all(-1)
+    # NaN is taken out before the product: its gradient would be NaN even where `known` masks it.
+    cosine = (torch.nan_to_num(normals) * torch.nan_to_num(prior)).sum(-1)
     return torch.where(known, alpha * (1.0 - cosine), 0.0).sum() / known.sum().clamp_min(1)
 
 

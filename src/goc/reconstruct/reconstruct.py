@@ -1,0 +1,128 @@
+"""Stage 2: Capture → Reconstruction."""
+
+import math
+import time
+from pathlib import Path
+
+import torch
+from jaxtyping import Int16
+from torch import Tensor
+
+from goc.errors import ReconstructError
+from goc.events import Listener, Progress, Warned, ignore
+from goc.raster import render, visible_splats
+from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
+from goc.reconstruct.optimise import Task, optimise
+from goc.reconstruct.seed import seed
+from goc.reconstruct.state import State, initial_state
+from goc.scene.capture import UNLABELLED, Capture
+from goc.scene.gaussians import Gaussians
+from goc.scene.reconstruction import Reconstruction
+
+_MIN_VIEWS_TO_HOLD_OUT = 20
+
+
+def reconstruct(
+    capture: Capture,
+    config: ReconstructConfig,
+    notify: Listener = ignore,
+    checkpoint: Path | None = None,
+    resume: bool = False,
+) -> Reconstruction:
+    """Optimise labelled Gaussians that show what the capture shows (paper §4).
+
+    Args:
+        capture: posed views; depth and ids are used where there are any.
+        config: steps, losses, rates, budget.
+        notify: hears Progress with the running PSNR and the number of splats.
+        checkpoint: file that keeps the state every `config.checkpoint_every` steps.
+        resume: continue from that file; bit-equal to an uninterrupted run on a CPU.
+
+    Raises:
+        ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
+    """
+    started = time.perf_counter()
+    train, held_out = split_views(len(capture), config.holdout_every)
+    if len(train) < 2:
+        raise ReconstructError(f"{len(train)} training view(s): reconstruction needs at least 2.")
+    learned = config.labels == "learned" and capture.has_ids
+    if config.labels == "learned" and not capture.has_ids:
+        notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
+    names = capture_ids(capture, train) if learned else []
+    task = Task(capture=capture, views=train, names=names, extent=_extent(capture), config=config)
+
+    def begin() -> State:
+        gaussians = seed(capture, train, config)
+        return _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
+
+    state = optimise(task, begin, notify, checkpoint, resume)
+    gaussians = state.gaussians().detached()
+    seconds = time.perf_counter() - started
+    metrics = {"iterations": float(config.iterations), "splats": float(len(gaussians)), "seconds": seconds}
+    metrics |= _measure(gaussians, capture, held_out, "held_out", notify)
+    if not held_out:
+        metrics |= _measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)
+    labels = _labels(state, gaussians, task, notify)
+    return Reconstruction(gaussians=gaussians, labels=labels, metrics=metrics)
+
+
+def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:
+    """Training and held-out views: every n-th, from the middle of each run of n; none of a capture of few views."""
+    if holdout_every <= 0 or count < _MIN_VIEWS_TO_HOLD_OUT:
+        return list(range(count)), []
+    held_out = list(range(holdout_every // 2, count, holdout_every))
+    return [view for view in range(count) if view not in set(held_out)], held_out
+
+
+def _extent(capture: Capture) -> float:
+    """Radius of the camera positions round their middle times 1.1, as 3DGS scales its steps; at least half a metre."""
+    positions = torch.stack([camera.position for camera in capture.cameras])
+    radius = (positions - positions.mean(0)).norm(dim=-1).max().item()
+    return max(1.1 * radius, 0.5 * capture.unit)
+
+
+def _with_features(gaussians: Gaussians, names: list[int], config: ReconstructConfig) -> State:
+    generator = torch.Generator().manual_seed(config.seed)
+    features = torch.randn(len(gaussians), FEATURES, generator=generator) * 0.1
+    state = initial_state(gaussians, new_classifier(len(names), generator))
+    state.parameters["identity"] = features.requires_grad_()
+    state.first["identity"], state.second["identity"] = torch.zeros_like(features), torch.zeros_like(features)
+    return state
+
+
+@torch.no_grad()
+def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str, notify: Listener) -> dict[str, float]:
+    """Mean PSNR (dB) and mean depth error (metres) over the views."""
+    if not views:
+        return {}
+    psnrs, depth_errors = [], []
+    for done, view in enumerate(views, 1):
+        frame = capture[view]
+        shown = render(gaussians, frame.camera)
+        error = (shown.colour - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
+        psnrs.append(-10.0 * math.log10(error.item()))
+        if frame.depth is not None:
+            difference = (shown.depth - frame.depth).abs()
+            depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.unit)
+        notify(Progress(stage="measure", done=done, total=len(views)))
+    found = {f"{name}_psnr_db": sum(psnrs) / len(psnrs), f"{name}_views": float(len(views))}
+    if depth_errors:
+        found[f"{name}_median_depth_error_m"] = sum(depth_errors) / len(depth_errors)
+    return found
+
+
+def _labels(state: State, gaussians: Gaussians, task: Task, notify: Listener) -> Int16[Tensor, "n"]:
+    if not task.capture.has_ids:
+        return torch.full((len(gaussians),), UNLABELLED, dtype=torch.int16)
+    if not task.names:
+        return vote_labels(gaussians, task.capture, task.views, notify)
+    seen = torch.zeros(len(gaussians), dtype=torch.bool)
+    for view in task.views:
+        seen |= visible_splats(gaussians, task.capture.cameras[view])
+    classifier = {
+        name.removeprefix("classifier."): value.detach()
+        for name, value in state.parameters.items()
+        if name.startswith("classifier.")
+    }
+    return learned_labels(gaussians, classifier, task.names, seen)
