@@ -1,6 +1,7 @@
 """JSON under strict schemas, and small text matrices."""
 
 from pathlib import Path
+from types import GenericAlias
 from typing import Any, TypeVar
 
 import msgspec
@@ -17,7 +18,7 @@ _MATRIX_LIMIT = 1 << 16
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
-def read_json(path: Path, schema: type[T]) -> T:
+def read_json(path: Path, schema: type[T] | GenericAlias) -> T:
     """Decode a JSON file into the type that describes it.
 
     Args:

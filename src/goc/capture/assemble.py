@@ -1,0 +1,114 @@
+"""Source → Capture: the checks that every format needs, and lazy decoding."""
+
+from dataclasses import replace
+
+from goc.capture.cache import FrameCache
+from goc.capture.config import CaptureConfig
+from goc.capture.decode import Decoder, check_shape
+from goc.capture.scale import guess_unit
+from goc.capture.source import Source, View, complain, count_of, shown
+from goc.errors import CaptureError
+from goc.events import Listener, Warned
+from goc.files import image_size, is_file
+from goc.scene import Capture
+
+_STAGE = "capture"
+
+
+def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture:
+    """Check a reader's views against their files and make a capture of them.
+
+    Raises:
+        CaptureError: files are missing, sizes contradict the intrinsics, or two views are one.
+        FileError: an image's header is damaged.
+    """
+    views = _with_images(source, config, notify)
+    _check_names(source, views)
+    measured = any(view.depth is not None for view in views)
+    views = tuple(
+        replace(view, depth=view.depth if config.use_depth else None, ids=view.ids if config.use_ids else None)
+        for view in views
+    )
+    views = _with_side_images(source, views, config, notify)
+    _check_headers(source, views)
+    decoder = Decoder(depth_unit=source.depth_unit, id_codes=source.id_codes, max_side_px=config.max_side_px)
+    try:
+        cameras = tuple(decoder.camera(view) for view in views)
+    except CaptureError as error:
+        raise CaptureError(f"{source.path}: {error}. Check k1 to k4, p1 and p2.") from error
+    unit = config.unit
+    if unit is None:
+        unit = 1.0 if measured else guess_unit([view.world_from_cam for view in views])
+    cache = FrameCache(lambda index: decoder.frame(views[index], cameras[index]), len(views), config.cache_mb << 20)
+    return Capture(
+        cameras=cameras,
+        names=tuple(view.name for view in views),
+        load=cache,
+        has_depth=any(view.depth is not None for view in views),
+        has_ids=any(view.ids is not None for view in views),
+        points=source.points,
+        labels=source.labels if config.use_ids else {},
+        unit=unit,
+        metric=measured or config.unit is not None,
+    )
+
+
+def _with_images(source: Source, config: CaptureConfig, notify: Listener) -> tuple[View, ...]:
+    if not source.views:
+        raise CaptureError(f"{source.path}: lists no views. Check that the capture is complete.")
+    missing = [view.name for view in source.views if not is_file(view.image)]
+    if missing and not config.allow_missing:
+        remedy = "Add them, or pass --capture.allow-missing to leave them out."
+        raise complain(source.path, missing, len(source.views), "images are missing", remedy)
+    if len(missing) == len(source.views):
+        raise complain(source.path, missing, len(source.views), "images are missing", "Check the folder.")
+    if missing:
+        counted = count_of(missing, len(source.views))
+        notify(Warned(stage=_STAGE, message=f"{counted} images are missing and left out (first: {shown(missing[0])})"))
+    return tuple(view for view in source.views if view.name not in set(missing))
+
+
+def _with_side_images(
+    source: Source, views: tuple[View, ...], config: CaptureConfig, notify: Listener
+) -> tuple[View, ...]:
+    """Check that the depth and id images that the capture names are there."""
+    for kind in ("depth", "ids"):
+        named = [view for view in views if getattr(view, kind) is not None]
+        missing = [view.name for view in named if not is_file(getattr(view, kind))]
+        what = {"depth": "depth images", "ids": "id images"}[kind]
+        if missing and not config.allow_missing:
+            remedy = f"Add them, or pass --capture.allow-missing or --capture.no-use-{kind}."
+            raise complain(source.path, missing, len(named), f"{what} are missing", remedy)
+        if 0 < len(named) - len(missing) < len(views):
+            counted = count_of(missing or [view.name for view in views if view not in named], len(views))
+            notify(Warned(stage=_STAGE, message=f"{counted} views have no {what}"))
+        absent = set(missing)
+        views = tuple(replace(view, **{kind: None}) if view.name in absent else view for view in views)
+    return views
+
+
+def _check_names(source: Source, views: tuple[View, ...]) -> None:
+    seen: set[str] = set()
+    doubled = []
+    for view in views:
+        if view.name in seen:
+            doubled.append(view.name)
+        seen.add(view.name)
+    if doubled:
+        raise complain(source.path, doubled, len(views), "views name an image twice", "Keep one entry of each.")
+
+
+def _check_headers(source: Source, views: tuple[View, ...]) -> None:
+    """Compare sizes in the files' headers with the intrinsics; pixels are not decoded."""
+    wrong = []
+    for view in views:
+        width, height = image_size(view.image)
+        if (width, height) != (view.lens.width, view.lens.height):
+            wrong.append(f"{view.name} has {width} x {height}, expected {view.lens.width} x {view.lens.height}")
+    if wrong:
+        remedy = "Scale the images or the intrinsics; where sides are swapped, rotate the pixels as EXIF says."
+        raise complain(source.path, wrong, len(views), "images are not of the size of their intrinsics", remedy)
+    for view in views:
+        for path in (view.depth, view.ids):
+            if path is not None and path.suffix.lower() != ".npy":
+                check_shape(path, *image_size(path), view.lens)

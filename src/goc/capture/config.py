@@ -1,0 +1,31 @@
+"""Settings of the readers."""
+
+from dataclasses import dataclass
+
+from goc.errors import ConfigError
+
+
+@dataclass(frozen=True)
+class CaptureConfig:
+    """How a capture is read."""
+
+    use_ids: bool = True
+    """Use the instance ids that come with the capture; otherwise they count as absent."""
+    use_depth: bool = True
+    """Use the depth images that come with the capture; otherwise they count as absent."""
+    allow_missing: bool = False
+    """Leave out views whose image is missing, and depth or ids that are missing, with a warning instead of an error."""
+    max_side_px: int = 1600
+    """Scale views down until the longer side has at most this many pixels."""
+    unit: float | None = None
+    """Scene units in one metre, where you know it. Default: 1 with depth, else guessed from the camera path."""
+    cache_mb: int = 512
+    """Memory for decoded views, in MiB; views beyond it are decoded again when asked for."""
+
+    def __post_init__(self) -> None:
+        if self.max_side_px < 16:
+            raise ConfigError(f"--capture.max-side-px is {self.max_side_px}: needs at least 16.")
+        if self.unit is not None and not 0 < self.unit < float("inf"):
+            raise ConfigError(f"--capture.unit is {self.unit}: needs a positive number of scene units in one metre.")
+        if self.cache_mb < 0:
+            raise ConfigError(f"--capture.cache-mb is {self.cache_mb}: needs 0 or more.")

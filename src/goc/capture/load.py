@@ -1,0 +1,63 @@
+"""Which reader a path belongs to."""
+
+from pathlib import Path
+
+from goc.capture.assemble import assemble
+from goc.capture.config import CaptureConfig
+from goc.capture.nerfstudio import read_transforms
+from goc.capture.rgbd import read_rgbd
+from goc.errors import CaptureError
+from goc.events import Listener, ignore
+from goc.files import is_file, is_folder
+from goc.scene import Capture
+
+_SHOWN = 6
+_EXPECTED = "transforms.json (nerfstudio), or color/ and pose/ with meta.json or intrinsics.txt (RGB-D)"
+
+
+def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listener = ignore) -> Capture:
+    """Read a folder of posed images; images are decoded later, when asked for.
+
+    Args:
+        path: a folder with transforms.json, such a file itself (transforms_sparse.json), or an RGB-D folder.
+        config: default settings if None.
+        notify: hears of everything that was left out.
+
+    Returns:
+        Pinhole views (distortion is undone while decoding), OpenCV camera axes, depth in scene units.
+
+    Raises:
+        CaptureError: files contradict each other, are missing, or nothing here is a capture.
+        FileError: one file is malformed. Damaged pixels show only when that view is decoded.
+    """
+    config = config or CaptureConfig()
+    if is_file(path) and path.suffix == ".json":
+        source = read_transforms(path, config, notify)
+    elif is_folder(path) and is_file(path / "transforms.json"):
+        source = read_transforms(path / "transforms.json", config, notify)
+    elif is_folder(path / "color") and is_folder(path / "pose"):
+        source = read_rgbd(path, config, notify)
+    else:
+        raise CaptureError(_nothing_found(path))
+    return assemble(source, config, notify)
+
+
+def _nothing_found(path: Path) -> str:
+    if is_file(path):
+        return f"{path}: is a file, but not a transforms .json. Give the folder of the capture."
+    if not is_folder(path):
+        return f"{path}: not found. Give the folder of a capture."
+    names = sorted(entry.name + "/" * is_folder(entry) for entry in path.iterdir())
+    shown = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
+    return f"{path}: no capture here. Looked for {_EXPECTED}; found {shown or 'nothing'}.{_hint(names)}"
+
+
+def _hint(names: list[str]) -> str:
+    others = [name for name in names if name.startswith("transforms") and name.endswith(".json")]
+    if others:
+        return f" Give the file itself, such as {others[0]}."
+    if "sparse/" in names:
+        return " COLMAP models are not read: convert it first (ns-process-data, colmap2nerf)."
+    if "color/" in names:
+        return " Single views without pose/ cannot be carved."
+    return " Photographs without poses need structure from motion first (COLMAP, ns-process-data)."
