@@ -1,5 +1,6 @@
 """Nouns: frozen, shaped, frame-named. Metres, radians, OpenCV cameras, float32. Imports nothing else of goc."""
 
+from goc.scene.assets import SceneAssets
 from goc.scene.camera import Camera
 from goc.scene.capture import ROOM, UNLABELLED, Capture, Frame, PointCloud
 from goc.scene.gaussians import Gaussians
@@ -21,4 +22,5 @@ __all__ = [
     "PointCloud",
     "Reconstruction",
     "Rendering",
+    "SceneAssets",
 ]
