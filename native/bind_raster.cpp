@@ -3,28 +3,16 @@
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
 
-#include <cmath>
 #include <optional>
 #include <stdexcept>
 
-#include "photometric.hpp"
+#include "arrays.hpp"
 #include "raster.hpp"
-#include "threads.hpp"
 
 namespace nb = nanobind;
 
 namespace goc {
 namespace {
-
-template <nb::ssize_t... N>
-using In = nb::ndarray<const float, nb::shape<N...>, nb::c_contig, nb::device::cpu>;
-constexpr nb::ssize_t kAny = -1;
-
-using Image = nb::ndarray<const float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using Plane = nb::ndarray<const float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using ImageOut = nb::ndarray<float, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
-using PlaneOut = nb::ndarray<float, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
-using VectorOut = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
 // The arrays of n splats, checked together.
 struct Splats {
@@ -40,10 +28,6 @@ struct Splats {
     return {means.data(), quats.data(), log_scales.data(), opacity_logits.data(), n};
   }
 };
-
-void check(bool good, const char* what) {
-  if (!good) throw std::invalid_argument(what);
-}
 
 }  // namespace
 
@@ -92,7 +76,7 @@ void bind_raster(nb::module_& module) {
           "backward",
           [](Raster& self, const Splats& splats, Plane channels, Image image, Plane alpha, Image image_grad,
              std::optional<Plane> alpha_grad, PlaneOut channels_grad, std::optional<PlaneOut> means,
-             std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<VectorOut> logits) {
+             std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<Flat> logits) {
             const SplatArrays arrays = splats.arrays();
             const auto rows = [&](const auto& a, std::size_t width) {
               check(a.shape(0) == arrays.size && a.shape(1) == width, "a gradient has the wrong shape");
@@ -119,39 +103,6 @@ void bind_raster(nb::module_& module) {
       .def("visible", [](const Raster& self, nb::ndarray<std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> out) {
         self.visible(out.data());
       }, "One byte a splat: 1 where it touches the view.");
-
-  nb::class_<Photometric>(module, "Photometric", "L_c = (1 − λ)·L1 + λ·(1 − SSIM) and its gradient; keeps a workspace.")
-      .def(nb::init<>())
-      .def(
-          "__call__",
-          [](Photometric& self, Image x, Image y, float ssim_weight, ImageOut grad) {
-            for (int k = 0; k < 3; ++k)
-              check(x.shape(k) == y.shape(k) && x.shape(k) == grad.shape(k), "images must have one shape (c h w)");
-            nb::gil_scoped_release release;
-            return self(x.data(), y.data(), (int)x.shape(0), (int)x.shape(1), (int)x.shape(2), ssim_weight,
-                        grad.data());
-          },
-          nb::arg("x"), nb::arg("y"), nb::arg("ssim_weight"), nb::arg("grad"));
-
-  using Flat = nb::ndarray<float, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
-  module.def(
-      "adam",
-      [](Flat x, In<kAny> grad, Flat first, Flat second, double rate, double beta1, double beta2, double epsilon,
-         int step) {
-        const std::size_t n = x.shape(0);
-        check(grad.shape(0) == n && first.shape(0) == n && second.shape(0) == n, "x, grad and moments differ in length");
-        check(step >= 1, "steps count from 1");
-        const double unbias = std::sqrt(1.0 - std::pow(beta2, step));
-        const AdamStep adam{(float)(rate * unbias / (1.0 - std::pow(beta1, step))), (float)beta1, (float)beta2,
-                            (float)(epsilon * unbias)};
-        nb::gil_scoped_release release;
-        parallel_for(n, 1 << 14, [&](std::size_t begin, std::size_t end) {
-          kernels().adam_run(x.data() + begin, grad.data() + begin, first.data() + begin, second.data() + begin,
-                             end - begin, adam);
-        });
-      },
-      nb::arg("x"), nb::arg("grad"), nb::arg("first"), nb::arg("second"), nb::arg("rate"), nb::arg("beta1"),
-      nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam step, in place.");
 }
 
 }  // namespace goc

@@ -19,3 +19,59 @@ def normals_from_depth(depth: Float[Tensor, "h w"], camera: Camera) -> Float[Ten
     down = points[2:, 1:-1] - points[:-2, 1:-1]
     inner = torch.nn.functional.normalize(torch.linalg.cross(down, right), dim=-1, eps=1e-12)
     return torch.nn.functional.pad(inner, (0, 0, 1, 1, 1, 1), value=torch.nan)
+
+
+def fitting_radius(depth: Float[Tensor, "h w"], camera: Camera) -> int:
+    """Half-width, 1 to 4 pixels, of the smallest window in which noise tilts a fitted plane by less than 0.05 rad.
+
+    The noise is read off the depth itself: the median second difference along rows, over √6, which is 0 on a plane
+    up to perspective. Tilt = noise / (pixel pitch · √Σu²) over the window's pixel offsets u.
+    """
+    inverse = 1.0 / depth
+    second = inverse[:, 2:] + inverse[:, :-2] - 2.0 * inverse[:, 1:-1]
+    noise = second.abs() * depth[:, 1:-1].square() / (6.0**0.5 * 0.6745)
+    pitch = depth[:, 1:-1] / camera.focal_px[0]
+    ratio = (noise / pitch)[torch.isfinite(noise)]
+    if len(ratio) == 0:
+        return 1
+    tilt = ratio.median().item()
+    for radius in (1, 2, 3):
+        spread = ((2 * radius + 1) ** 2 * radius * (radius + 1) / 3.0) ** 0.5
+        if tilt / spread < 0.05:
+            return radius
+    return 4
+
+
+def fitted_normals(depth: Float[Tensor, "h w"], camera: Camera, radius: int) -> Float[Tensor, "h w 3"]:
+    """Normals of planes fitted to windows of a z-depth image, unit, camera axes, facing the camera; NaN = none.
+
+    On a plane inverse depth is linear in the pixel: 1/z = A·u + B·v + C on rays (u, v, 1), with normal ∝ (A, B, C).
+    Least squares over the window's pixels within 5 % of the middle's depth, so that the fit stays on one side of an
+    edge; at least half of the window must be there.
+    """
+    rows, columns = depth.shape
+    inverse = torch.nn.functional.pad(1.0 / depth, (radius,) * 4, value=torch.nan)
+    middle = 1.0 / depth
+    moments = torch.zeros(9, rows, columns)  # Σ1, Σi, Σj, Σii, Σij, Σjj, Σq, Σiq, Σjq over offsets (i, j), q = 1/z
+    for j in range(-radius, radius + 1):
+        for i in range(-radius, radius + 1):
+            q = inverse[radius + j : radius + j + rows, radius + i : radius + i + columns]
+            near = ((q - middle).abs() < 0.05 * middle).float()
+            q = torch.nan_to_num(q) * near
+            for place, term in enumerate((near, i * near, j * near, i * i * near, i * j * near, j * j * near)):
+                moments[place] += term
+            for place, term in enumerate((q, i * q, j * q)):
+                moments[6 + place] += term
+    n, si, sj, sii, sij, sjj, sq, siq, sjq = moments
+    # Centred normal equations of q = a·i + b·j + c.
+    cii, cij, cjj = sii - si * si / n, sij - si * sj / n, sjj - sj * sj / n
+    ciq, cjq = siq - si * sq / n, sjq - sj * sq / n
+    determinant = cii * cjj - cij * cij
+    a, b = (ciq * cjj - cjq * cij) / determinant, (cjq * cii - ciq * cij) / determinant
+    c = (sq - a * si - b * sj) / n
+    rays = pixel_rays(camera)
+    slope_u, slope_v = a * camera.focal_px[0], b * camera.focal_px[1]
+    plane = torch.stack([slope_u, slope_v, c - slope_u * rays[..., 0] - slope_v * rays[..., 1]], -1)
+    normals = -torch.nn.functional.normalize(plane, dim=-1)
+    enough = (n >= 0.5 * (2 * radius + 1) ** 2) & (determinant > 1e-3 * n * n)
+    return torch.where((enough & torch.isfinite(normals).all(-1))[..., None], normals, torch.nan)

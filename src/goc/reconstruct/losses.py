@@ -1,5 +1,6 @@
 """The losses of paper §4.2–4.4: means over valid pixels (docs/decisions), each a scalar."""
 
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -7,9 +8,11 @@ from jaxtyping import Float, Int16
 from torch import Tensor
 
 from goc import _native
+from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED
 
 _photometric = _native.Photometric()
+_geometry = _native.GeometryLoss()
 
 
 def photometric_loss(
@@ -37,30 +40,73 @@ class _Photometric(torch.autograd.Function):
         return (gradient * upstream).permute(1, 2, 0), None, None
 
 
-def depth_loss(depth: Float[Tensor, "h w"], prior: Float[Tensor, "h w"]) -> Float[Tensor, ""]:
-    """L_d, Eq. (3): mean |D - D̂| over pixels where the prior is known (finite), metres; 0 where none is."""
-    known = torch.isfinite(prior)
-    difference = torch.where(known, depth - torch.nan_to_num(prior), 0.0).abs()
-    return difference.sum() / known.sum().clamp_min(1)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GeometryPrior:
+    """What a view's geometry is compared with."""
+
+    depth: Float[Tensor, "h w"]
+    """z, scene units; NaN = none."""
+    normals: Float[Tensor, "h w 3"] | None
+    """Unit, camera axes, facing the camera; NaN = none."""
 
 
-def depth_normal_loss(
-    normals: Float[Tensor, "h w 3"], prior: Float[Tensor, "h w 3"], alpha: Float[Tensor, "h w"]
+def geometry_loss(
+    blended: Float[Tensor, "h w"],
+    alpha: Float[Tensor, "h w"],
+    prior: GeometryPrior,
+    camera: Camera,
+    depth_weight: float,
+    normal_weight: float,
 ) -> Float[Tensor, ""]:
-    """Alpha-weighted disagreement of directions, Eq. (4): mean of alpha (1 - N_d · N_prior).
+    """λ_d·L_d + λ_dn·L_dn, Eq. (3) and (4), of the rendered depth D = blended / alpha, Eq. (2).
+
+    L_d is the mean |D - D̂| over pixels with a prior. L_dn is the mean of alpha·(1 - N_d·N̂) over pixels with a prior,
+    where N_d is the cross product of central differences of the back-projected D; alpha only weighs there, no gradient
+    reaches it that way. Pixels with alpha ≤ 0.1 show nothing and do not count. Twin: tests/oracles/losses.py.
 
     Args:
-        normals: N_d, unit, camera axes, derived from the rendered depth; NaN = none.
-        prior: unit, camera axes; NaN = none.
-        alpha: accumulated opacity in [0, 1].
-
-    Returns:
-        Scalar in [0, 2], 0 where both agree; pixels without one or the other do not count.
+        blended: Σ z α T, a rendered channel.
+        alpha: accumulated opacity.
+        prior: depth and normals to compare with.
+        camera: the view.
+        depth_weight: λ_d, per scene unit.
+        normal_weight: λ_dn.
     """
-    known = torch.isfinite(normals).all(-1) & torch.isfinite(prior).all(-1)
-    # NaN is taken out before the product: its gradient would be NaN even where `known` masks it.
-    cosine = (torch.nan_to_num(normals) * torch.nan_to_num(prior)).sum(-1)
-    return torch.where(known, alpha * (1.0 - cosine), 0.0).sum() / known.sum().clamp_min(1)
+    return _Geometry.apply(blended, alpha, prior, camera, depth_weight, normal_weight)
+
+
+class _Geometry(torch.autograd.Function):
+    @staticmethod
+    def forward(
+        ctx: Any,
+        blended: Tensor,
+        alpha: Tensor,
+        prior: GeometryPrior,
+        camera: Camera,
+        depth_weight: float,
+        normal_weight: float,
+    ) -> Tensor:
+        gradients = torch.empty(2, *blended.shape)
+        focal, centre = camera.focal_px.tolist(), camera.centre_px.tolist()
+        normals = None if prior.normals is None or not normal_weight else prior.normals.contiguous()
+        depth, depth_normal = _geometry(
+            blended.detach().contiguous(),
+            alpha.detach().contiguous(),
+            prior.depth.contiguous(),
+            normals,
+            *focal,
+            *centre,
+            depth_weight,
+            normal_weight,
+            *gradients,
+        )
+        ctx.save_for_backward(gradients)
+        return torch.tensor(depth_weight * depth + normal_weight * depth_normal, dtype=torch.float32)
+
+    @staticmethod
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
+        (gradients,) = ctx.saved_tensors
+        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None
 
 
 def identity_loss(logits: Float[Tensor, "p k"], classes: Int16[Tensor, "p"]) -> Float[Tensor, ""]:

@@ -14,11 +14,10 @@ from torch import Tensor
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress
 from goc.geometry.harmonics import colours_towards
-from goc.geometry.normals import normals_from_depth
 from goc.raster import centre_depths, rasterize
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import classify
-from goc.reconstruct.losses import depth_loss, depth_normal_loss, identity_loss, photometric_loss
+from goc.reconstruct.losses import GeometryPrior, geometry_loss, identity_loss, photometric_loss
 from goc.reconstruct.mcmc import draw, exploration, relocated
 from goc.reconstruct.state import State, load_checkpoint, save_checkpoint
 from goc.scene.capture import Capture, Frame
@@ -38,6 +37,8 @@ class Task:
     """Ids that the classifier tells apart; empty when labels are voted."""
     extent: float
     """Radius of the cameras' positions, scene units: the scale of the means' step."""
+    prior: Callable[[int], GeometryPrior | None]
+    """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig
 
     def fingerprint(self) -> str:
@@ -57,7 +58,7 @@ def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoin
     shown_psnr = math.nan
     while state.step < config.iterations:
         view = _view_of(task, state.step)
-        loss, psnr = _loss(task, state, task.capture[view])
+        loss, psnr = _loss(task, state, view)
         if not math.isfinite(loss.item()):
             raise ReconstructError(
                 f"{task.capture.names[view]}: the loss is not finite at step {state.step}. "
@@ -108,8 +109,9 @@ def _classifier_names(task: Task) -> list[str]:
     return ["hidden_weight", "hidden_bias", "class_weight", "class_bias"] if task.names else []
 
 
-def _loss(task: Task, state: State, frame: Frame) -> tuple[Float[Tensor, ""], float]:
+def _loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], float]:
     """Eq. (6) of one view, and its PSNR in dB."""
+    frame = task.capture[view]
     weights, camera, gaussians = task.config.losses, frame.camera, state.gaussians()
     channels = [
         colours_towards(gaussians.sh, gaussians.means, camera.position),
@@ -120,30 +122,14 @@ def _loss(task: Task, state: State, frame: Frame) -> tuple[Float[Tensor, ""], fl
     image, alpha = rasterize(gaussians, camera, torch.cat(channels, -1))
     target = frame.image.float() / 255.0
     loss = photometric_loss(image[..., :3], target, weights.ssim)
-    if frame.depth is not None and (weights.depth or weights.depth_normal):
-        loss = loss + _geometry_loss(task, image[..., 3], alpha, frame)
+    prior = task.prior(view)
+    if prior is not None and (weights.depth or weights.depth_normal):
+        depth_weight = weights.depth / task.capture.unit
+        loss = loss + geometry_loss(image[..., 3], alpha, prior, camera, depth_weight, weights.depth_normal)
     if gaussians.identity is not None and frame.ids is not None and weights.identity:
         loss = loss + weights.identity * _identity_loss(task, state, image[..., 4:], frame)
     error = (image[..., :3].detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
     return loss, -10.0 * math.log10(error.item())
-
-
-def _geometry_loss(
-    task: Task, blended: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"], frame: Frame
-) -> Float[Tensor, ""]:
-    """λ_d L_d + λ_dn L_dn. Both look at the alpha-normalised depth, Eq. (2), where anything was rendered at all."""
-    weights = task.config.losses
-    assert frame.depth is not None
-    depth = blended / alpha.clamp_min(1e-4)
-    rendered = alpha.detach() > 0.1
-    prior = torch.where(rendered, frame.depth, torch.nan)
-    loss = weights.depth / task.capture.unit * depth_loss(depth, prior)
-    if weights.depth_normal:
-        given = frame.normals if frame.normals is not None else normals_from_depth(frame.depth, frame.camera)
-        given = torch.where(rendered[..., None], given, torch.nan)
-        derived = normals_from_depth(depth, frame.camera)
-        loss = loss + weights.depth_normal * depth_normal_loss(derived, given, alpha.detach())
-    return loss
 
 
 def _identity_loss(task: Task, state: State, features: Float[Tensor, "h w f"], frame: Frame) -> Float[Tensor, ""]:

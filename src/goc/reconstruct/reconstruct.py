@@ -14,6 +14,7 @@ from goc.raster import render, visible_splats
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
 from goc.reconstruct.optimise import Task, optimise
+from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed
 from goc.reconstruct.state import State, initial_state
 from goc.scene.capture import UNLABELLED, Capture
@@ -50,7 +51,8 @@ def reconstruct(
     if config.labels == "learned" and not capture.has_ids:
         notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
     names = capture_ids(capture, train) if learned else []
-    task = Task(capture=capture, views=train, names=names, extent=_extent(capture), config=config)
+    prior = geometry_priors(capture, with_normals=config.losses.depth_normal > 0)
+    task = Task(capture=capture, views=train, names=names, extent=_extent(capture), prior=prior, config=config)
 
     def begin() -> State:
         gaussians = seed(capture, train, config)

@@ -1,0 +1,69 @@
+// Python face of the fused losses and of Adam.
+#include <cmath>
+#include <optional>
+
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+
+#include "arrays.hpp"
+#include "geometry_loss.hpp"
+#include "lanes.hpp"
+#include "photometric.hpp"
+#include "threads.hpp"
+
+namespace goc {
+
+void bind_losses(nb::module_& module) {
+  nb::class_<Photometric>(module, "Photometric", "L_c = (1 − λ)·L1 + λ·(1 − SSIM) and its gradient; keeps a workspace.")
+      .def(nb::init<>())
+      .def(
+          "__call__",
+          [](Photometric& self, Image x, Image y, float ssim_weight, ImageOut grad) {
+            for (int k = 0; k < 3; ++k)
+              check(x.shape(k) == y.shape(k) && x.shape(k) == grad.shape(k), "images must have one shape (c h w)");
+            nb::gil_scoped_release release;
+            return self(x.data(), y.data(), (int)x.shape(0), (int)x.shape(1), (int)x.shape(2), ssim_weight,
+                        grad.data());
+          },
+          nb::arg("x"), nb::arg("y"), nb::arg("ssim_weight"), nb::arg("grad"));
+
+  nb::class_<GeometryLoss>(module, "GeometryLoss", "L_d and L_dn of a rendered depth and their gradient.")
+      .def(nb::init<>())
+      .def(
+          "__call__",
+          [](GeometryLoss& self, Plane blended, Plane alpha, Plane prior_depth, std::optional<In<kAny, kAny, 3>> normals,
+             float fx, float fy, float cx, float cy, float depth_weight, float normal_weight, PlaneOut blended_grad,
+             PlaneOut alpha_grad) {
+            const auto same = [&](const auto& a) { return a.shape(0) == blended.shape(0) && a.shape(1) == blended.shape(1); };
+            check(same(alpha) && same(prior_depth) && same(blended_grad) && same(alpha_grad) && (!normals || same(*normals)),
+                  "images must have one height and width");
+            const DepthView view{blended.data(), alpha.data(), prior_depth.data(), normals ? normals->data() : nullptr,
+                                 (int)blended.shape(1), (int)blended.shape(0), fx, fy, cx, cy};
+            nb::gil_scoped_release release;
+            const GeometryLosses losses = self(view, depth_weight, normal_weight, blended_grad.data(), alpha_grad.data());
+            return std::pair(losses.depth, losses.depth_normal);
+          },
+          nb::arg("blended"), nb::arg("alpha"), nb::arg("prior_depth"), nb::arg("prior_normals").none(), nb::arg("fx"),
+          nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("depth_weight"), nb::arg("normal_weight"),
+          nb::arg("blended_grad"), nb::arg("alpha_grad"));
+  module.def(
+      "adam",
+      [](Flat x, In<kAny> grad, Flat first, Flat second, double rate, double beta1, double beta2, double epsilon,
+         int step) {
+        const std::size_t n = x.shape(0);
+        check(grad.shape(0) == n && first.shape(0) == n && second.shape(0) == n, "x, grad and moments differ in length");
+        check(step >= 1, "steps count from 1");
+        const double unbias = std::sqrt(1.0 - std::pow(beta2, step));
+        const AdamStep adam{(float)(rate * unbias / (1.0 - std::pow(beta1, step))), (float)beta1, (float)beta2,
+                            (float)(epsilon * unbias)};
+        nb::gil_scoped_release release;
+        parallel_for(n, 1 << 14, [&](std::size_t begin, std::size_t end) {
+          kernels().adam_run(x.data() + begin, grad.data() + begin, first.data() + begin, second.data() + begin,
+                             end - begin, adam);
+        });
+      },
+      nb::arg("x"), nb::arg("grad"), nb::arg("first"), nb::arg("second"), nb::arg("rate"), nb::arg("beta1"),
+      nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam step, in place.");
+}
+
+}  // namespace goc
