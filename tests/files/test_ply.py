@@ -153,3 +153,9 @@ def test_counts_beyond_the_file_are_refused(tmp_path, lines, body, message):
 def test_ascii_that_does_not_fit_is_refused(tmp_path, lines, body, message):
     with pytest.raises(FileError, match=message):
         read_ply(written(tmp_path, header(*lines, form="ascii"), body))
+
+
+def test_a_long_name_does_not_fill_the_screen(tmp_path):
+    with pytest.raises(FileError) as caught:
+        read_ply(written(tmp_path, header("element " + "[" * 5000 + " 9", "property float x")))
+    assert len(str(caught.value)) < 500

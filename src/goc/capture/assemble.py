@@ -79,9 +79,9 @@ def _with_side_images(
         if missing and not config.allow_missing:
             remedy = f"Add them, or pass --capture.allow-missing or --capture.no-use-{kind}."
             raise complain(source.path, missing, len(named), f"{what} are missing", remedy)
-        if 0 < len(named) - len(missing) < len(views):
-            counted = count_of(missing or [view.name for view in views if view not in named], len(views))
-            notify(Warned(stage=_STAGE, message=f"{counted} views have no {what}"))
+        there = len(named) - len(missing)
+        if 0 < there < len(views) or missing:
+            notify(Warned(stage=_STAGE, message=f"{len(views) - there} of {len(views)} views have no {what}"))
         absent = set(missing)
         views = tuple(replace(view, **{kind: None}) if view.name in absent else view for view in views)
     return views

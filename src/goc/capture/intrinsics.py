@@ -5,7 +5,7 @@ from pathlib import Path
 
 import msgspec
 
-from goc.capture.source import Lens
+from goc.capture.source import Lens, shown
 from goc.files import image_size
 
 _PERSPECTIVE = ("OPENCV", "PINHOLE", "RADIAL", "SIMPLE_PINHOLE", "SIMPLE_RADIAL")
@@ -51,7 +51,7 @@ def lens_of(shared: Intrinsics, own: Intrinsics, image: Path | None) -> Lens:
     """
     given = _merged(shared, own)
     if given.is_fisheye or (given.camera_model is not None and given.camera_model not in _PERSPECTIVE):
-        named = "with is_fisheye" if given.is_fisheye else given.camera_model
+        named = "with is_fisheye" if given.is_fisheye else shown(given.camera_model or "")
         remedy = f"Undistort the images first, or use one of {', '.join(_PERSPECTIVE)}."
         raise LensError(f"camera model {named} is not supported. {remedy}")
     width, height = _size(given, image)

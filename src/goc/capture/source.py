@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from goc.errors import CaptureError
 from goc.scene import PointCloud
 
-_LONGEST_NAME = 200
+_LONGEST_NAME = 120
 
 
 @dataclass(frozen=True)

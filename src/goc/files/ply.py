@@ -13,7 +13,7 @@ from goc.errors import FileError
 from goc.files.atomic import write_atomic
 from goc.files.ply_body import Column, Lists, read_ascii, read_binary
 from goc.files.ply_header import NAMES, PlyError, parse_header
-from goc.files.reading import read_bytes
+from goc.files.reading import brief, read_bytes
 
 __all__ = ["Column", "Lists", "read_ply", "write_ply"]
 
@@ -45,7 +45,7 @@ def read_ply(path: Path) -> dict[str, dict[str, Column]]:
         if left:
             raise PlyError(f"{left} {'bytes' if header.order else 'numbers'} more than its header announces")
     except PlyError as error:
-        raise FileError(f"{path}: not a sound PLY file: {error}. Write it again.") from error
+        raise FileError(f"{path}: not a sound PLY file: {brief(error)}. Write it again.") from error
     except MemoryError as error:
         raise FileError(f"{path}: does not fit into memory. Use a smaller file or a larger machine.") from error
     return elements

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from goc.errors import FileError
 
-_LONGEST_MESSAGE = 160
+_LONGEST_MESSAGE = 200
 
 
 def read_bytes(path: Path, limit: int) -> bytes:
@@ -23,7 +23,7 @@ def read_bytes(path: Path, limit: int) -> bytes:
             if size > limit:
                 raise FileError(f"{path}: {size:,} bytes, but at most {limit:,} are expected here. Check the file.")
             file.seek(0)
-            return file.read(limit)
+            return file.read(size)  # not limit: read() takes that much memory at once
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
         raise unreadable(path, error) from error
     except MemoryError as error:
