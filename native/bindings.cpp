@@ -6,6 +6,7 @@
 namespace nb = nanobind;
 
 namespace goc {
+void bind_noise(nb::module_& module);
 void bind_raster(nb::module_& module);
 void bind_raycast(nb::module_& module);
 }
@@ -14,6 +15,7 @@ NB_MODULE(_native, module) {
   module.doc() = "goc's C++ kernels";
   module.def("thread_count", &goc::thread_count, "Threads that the kernels use.");
   module.def("set_thread_count", &goc::set_thread_count, nb::arg("count"), "Use `count` threads from now on.");
+  goc::bind_noise(module);
   goc::bind_raster(module);
   goc::bind_raycast(module);
 }

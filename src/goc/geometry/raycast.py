@@ -91,8 +91,10 @@ class TriangleScene:
 def _rays(
     origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
-    if not (np.isfinite(origins).all() and np.isfinite(directions).all()):
+    origins, directions = np.ascontiguousarray(origins, np.float64), np.ascontiguousarray(directions, np.float64)
+    squares = np.einsum("ij,ij->i", directions, directions)
+    if not (np.isfinite(origins).all() and np.isfinite(squares).all()):
         raise ValueError("Rays need finite origins and directions.")
-    if len(directions) and not (np.abs(directions).max(-1) > 1e-30).all():
+    if not (squares > 1e-60).all():
         raise ValueError("Rays need directions of non-zero length.")
-    return np.ascontiguousarray(origins, np.float64), np.ascontiguousarray(directions, np.float64)
+    return origins, directions

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from goc.synth.surfaces import Spots, Surfaces, centre_spots, reflectance
+from goc.synth.surfaces import Spots, Surfaces, centre_spots, look_at
+from goc.synth.vectors import dot, length, unit
 
 _OFFSET = 1e-4
 """Metres by which rays start above their surface."""
@@ -47,10 +48,10 @@ class LitSurfaces:
     """Factor that brings the room to a pleasant brightness."""
 
 
-def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, samples: int = 16) -> LitSurfaces:
+def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, samples: int = 8) -> LitSurfaces:
     """Light every triangle's middle, directly and by `bounces` reflections (radiosity by gathering)."""
     spots = centre_spots(surfaces)
-    colour = reflectance(surfaces, spots)
+    colour = look_at(surfaces, spots).colour
     start = np.zeros(len(spots), np.int64)
     direct = direct_light(surfaces, lights, spots, start, samples)
     radiance = colour * direct
@@ -58,7 +59,7 @@ def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, sa
     for _ in range(bounces):
         radiance = colour * (direct + _mean_gathered(rays, radiance, len(spots)))
     corners = surfaces.scene.vertices[surfaces.scene.faces]
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
+    areas = length(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     walls = surfaces.owner == 0
     level = float((radiance.mean(-1) * areas)[walls].sum() / areas[walls].sum())
     return LitSurfaces(surfaces=surfaces, lights=lights, radiance=radiance, exposure=0.62 / max(level, 1e-9))
@@ -90,8 +91,8 @@ def direct_light(
             u, v = sequence(start + sample, number)
             target = light.centre + (u - 0.5)[:, None] * light.across + (v - 0.5)[:, None] * light.along
             path = target - origins
-            square = (path * path).sum(-1)
-            facing = np.minimum((path * spots.normals).sum(-1), 10 * (path * spots.face_normals).sum(-1))
+            square = dot(path, path)
+            facing = np.minimum(dot(path, spots.normals), 10 * dot(path, spots.face_normals))
             geometry = np.maximum(facing, 0) * np.maximum(-path @ light.facing, 0) / (np.pi * square * square)
             reached = np.flatnonzero(geometry > 0)
             dark = surfaces.scene.occluded(origins[reached], path[reached], 1 - 1e-3)
@@ -106,12 +107,11 @@ def mirrored(
     """Blurred reflections of the lights on glossy spots, stronger at grazing angles (Schlick 1994)."""
     total = np.zeros((len(spots), 3), np.float32)
     shiny = np.flatnonzero(strength > 0)
-    view = spots.positions[shiny] - seen_from
-    view /= np.linalg.norm(view, axis=-1, keepdims=True)
+    view = unit(spots.positions[shiny] - seen_from)
     normals = spots.normals[shiny]
-    cosine = -(view * normals).sum(-1, keepdims=True)
-    ray = view + 2 * cosine * normals
-    fresnel = strength[shiny] * (1 + 3 * (1 - np.clip(cosine[:, 0], 0, 1)) ** 5)
+    cosine = -dot(view, normals)
+    ray = view + 2 * cosine[:, None] * normals
+    fresnel = strength[shiny] * (1 + 3 * (1 - np.clip(cosine, 0, 1)) ** 5)
     origins = spots.positions[shiny] + 1e-3 * spots.face_normals[shiny]
     for light in lit.lights:
         towards = -ray @ light.facing
@@ -146,8 +146,7 @@ def sequence(index: Int[np.ndarray, "n"], stream: int) -> tuple[Float[np.ndarray
 
 def _gather_rays(surfaces: Surfaces, spots: Spots, start: Int[np.ndarray, "n"], samples: int) -> list[_Rays]:
     """Cosine-distributed rays over each spot; for each of the samples, which spots' rays hit which triangles."""
-    first = np.cross(spots.normals, np.eye(3)[np.abs(spots.normals).argmin(-1)])
-    first /= np.linalg.norm(first, axis=-1, keepdims=True)
+    first = unit(np.cross(spots.normals, np.eye(3)[np.abs(spots.normals).argmin(-1)]))
     second = np.cross(spots.normals, first)
     origins = spots.positions + _OFFSET * spots.face_normals
     rays = []
@@ -158,7 +157,7 @@ def _gather_rays(surfaces: Surfaces, spots: Spots, start: Int[np.ndarray, "n"], 
         ray += np.sqrt(1 - u)[:, None] * spots.normals
         hits = surfaces.scene.closest_hit(origins, ray)
         # A ray that meets the back of a triangle started inside something, where it is dark.
-        front = (surfaces.face_normals[hits.triangle] * ray).sum(-1) < 0
+        front = dot(surfaces.face_normals[hits.triangle], ray) < 0
         chosen = np.flatnonzero(hits.found & front)
         rays.append((chosen, hits.triangle[chosen]))
     return rays

@@ -1,6 +1,6 @@
 """What surfaces look like: a colour for each point of an object's own frame, so that no image files are needed.
 
-Colours are linear reflectances in [0, 1]; `gloss` is how strongly the surface mirrors the lights.
+Colours are linear reflectances in [0, 1].
 """
 
 from dataclasses import dataclass
@@ -16,29 +16,38 @@ Colours = Float[np.ndarray, "p 3"]
 Rgb = tuple[float, float, float]
 
 
-class Material(Protocol):
-    """Colour by place, metres in the object's frame."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Look:
+    """Of some points."""
 
-    @property
-    def gloss(self) -> float:
-        """Share of a light that the surface mirrors, 0 = matt."""
+    colour: Colours
+    """Linear reflectance."""
+    glow: Colours | float = 0.0
+    """Light that the surface itself sends out; 1 is white on the image."""
+    gloss: Float[np.ndarray, "p"] | float = 0.0
+    """Share of a light that the surface mirrors, 0 = matt."""
+
+
+class Material(Protocol):
+    """Looks by place, metres in the object's frame."""
+
+    def look(self, points: Points) -> Look:
+        """What these points look like."""
         ...
+
+
+class Coloured:
+    """A material of one gloss that sends out no light; the classes below say what `colour` is."""
+
+    gloss: float
 
     def colour(self, points: Points) -> Colours:
         """Linear reflectance at each point."""
-        ...
+        raise NotImplementedError
 
-    def glow(self, points: Points) -> Colours | None:
-        """Light that the surface itself sends out, or None."""
-        ...
-
-
-class Dark:
-    """The part of most materials: they send out no light."""
-
-    def glow(self, points: Points) -> Colours | None:
-        """No light."""
-        return None
+    def look(self, points: Points) -> Look:
+        """The colour, and the gloss."""
+        return Look(colour=self.colour(points), gloss=self.gloss)
 
 
 def linear(code: str) -> Rgb:
@@ -61,7 +70,7 @@ def step(values: Float[np.ndarray, "p"], edge: float, softness: float) -> Float[
 
 
 @dataclass(frozen=True)
-class Paint(Dark):
+class Paint(Coloured):
     """Plain paint, plaster, plastic or glaze, slightly uneven."""
 
     base: Rgb
@@ -76,7 +85,7 @@ class Paint(Dark):
 
 
 @dataclass(frozen=True)
-class Wood(Dark):
+class Wood(Coloured):
     """Sawn wood: long grain along one axis, darker late-wood lines, fine pores."""
 
     light: Rgb
@@ -99,7 +108,7 @@ class Wood(Dark):
 
 
 @dataclass(frozen=True)
-class Fabric(Dark):
+class Fabric(Coloured):
     """Woven cloth: a fine weave, lighter and darker threads, soft patches."""
 
     base: Rgb
@@ -118,7 +127,7 @@ class Fabric(Dark):
 
 
 @dataclass(frozen=True)
-class Stripes(Dark):
+class Stripes(Coloured):
     """Bands of two colours along an axis, on cloth or glaze."""
 
     first: Rgb
@@ -138,7 +147,7 @@ class Stripes(Dark):
 
 
 @dataclass(frozen=True)
-class Gores(Dark):
+class Gores(Coloured):
     """The segments of a beach ball, round a vertical axis through the origin."""
 
     colours: tuple[Rgb, ...]
@@ -156,7 +165,7 @@ class Gores(Dark):
 
 
 @dataclass(frozen=True)
-class Leaf(Dark):
+class Leaf(Coloured):
     """A leaf that grew along x: a light midrib, veins, darker edges."""
 
     base: Rgb
@@ -174,7 +183,7 @@ class Leaf(Dark):
 
 
 @dataclass(frozen=True)
-class Book(Dark):
+class Book(Coloured):
     """A bound book that lies flat, spine at +y: a cloth cover with a title block, paper on the other sides."""
 
     cover: Rgb
@@ -206,21 +215,18 @@ class Shade:
     strength: float
     middle: float
     """Height of the bulb, metres in the object's frame."""
-    gloss: float = 0.0
 
-    def colour(self, points: Points) -> Colours:
-        """Cloth."""
-        return np.asarray(self.base, np.float32) * (0.9 + 0.2 * fractal_noise(points * 40.0, 2))[:, None]
-
-    def glow(self, points: Points) -> Colours | None:
-        """Falls off from the bulb's height."""
+    def look(self, points: Points) -> Look:
+        """Cloth whose light falls off from the bulb's height, in soft folds."""
+        cloth = np.asarray(self.base, np.float32) * (0.9 + 0.2 * fractal_noise(points * 40.0, 2))[:, None]
         fall = np.exp(-(((points[:, 2] - self.middle) / 0.16) ** 2))
         folds = 0.85 + 0.15 * np.sin(26 * np.arctan2(points[:, 1], points[:, 0]))
-        return (self.strength * (0.35 + 0.65 * fall) * folds)[:, None] * np.asarray(self.light, np.float32)
+        light = (self.strength * (0.35 + 0.65 * fall) * folds)[:, None] * np.asarray(self.light, np.float32)
+        return Look(colour=cloth, glow=light)
 
 
 @dataclass(frozen=True)
-class Planks(Dark):
+class Planks(Coloured):
     """A wooden floor in the plane z = 0: staggered boards along x, each with its own tone and grain."""
 
     wood: Wood
@@ -243,7 +249,7 @@ class Planks(Dark):
 
 
 @dataclass(frozen=True)
-class Tiles(Dark):
+class Tiles(Coloured):
     """A tiled floor in the plane z = 0."""
 
     first: Rgb

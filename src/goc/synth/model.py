@@ -82,7 +82,7 @@ def mesh_of(model: Model) -> Mesh:
     for item in model.parts:
         vertices.append(item.solid.vertices)
         faces.append(item.solid.faces + count)
-        colours.append(item.material.colour(item.texture))
+        colours.append(item.material.look(item.texture).colour)
         count += len(item.solid.vertices)
     return Mesh(
         vertices=np.concatenate(vertices).astype(np.float32),

@@ -8,7 +8,8 @@ from jaxtyping import Float, Float32, Int16, UInt8
 from goc.scene import Camera
 from goc.synth.lighting import LitSurfaces, light_on, mirrored
 from goc.synth.model import encode_srgb
-from goc.synth.surfaces import Spots, gloss, glow, reflectance, spots_at
+from goc.synth.surfaces import Spots, look_at, spots_at
+from goc.synth.vectors import dot, length
 
 # Order in which the 16 pixels of a 4x4 block take their share of the light samples (a Bayer matrix).
 _PATTERN = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
@@ -51,8 +52,9 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
     for offset in _OFFSETS:
         seen, _ = _seen(lit, camera, offset)
         here = _light_between(lit, light, spots, seen, offset)
-        radiance = reflectance(lit.surfaces, seen) * here + glow(lit.surfaces, seen) / lit.exposure
-        radiance += mirrored(lit, seen, camera.position.double().numpy(), gloss(lit.surfaces, seen))
+        look = look_at(lit.surfaces, seen)
+        radiance = look.colour * here + look.glow / lit.exposure
+        radiance += mirrored(lit, seen, camera.position.double().numpy(), look.gloss)
         total += _tone(lit.exposure * radiance) / len(_OFFSETS)
     return View(
         colour=encode_srgb(total).reshape(height, width, 3),
@@ -63,14 +65,13 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
 
 def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tuple[Spots, Float[np.ndarray, "n"]]:
     """What the rays through all pixels hit, `offset` pixels from their centres, and how deep."""
-    u, v = np.meshgrid(np.arange(camera.width) + 0.5 + offset[0], np.arange(camera.height) + 0.5 + offset[1])
-    pixels = np.stack([u.ravel(), v.ravel()], -1)
-    rays = np.ones((len(pixels), 3))
-    rays[:, :2] = (pixels - camera.centre_px.double().numpy()) / camera.focal_px.double().numpy()
     pose = camera.world_from_cam.double().numpy()
-    hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays @ pose[:3, :3].T)
-    spots = spots_at(lit.surfaces, hits)
-    return spots, hits.t
+    centre, focal = camera.centre_px.double().numpy(), camera.focal_px.double().numpy()
+    x = (np.arange(camera.width) + 0.5 + offset[0] - centre[0]) / focal[0]
+    y = (np.arange(camera.height) + 0.5 + offset[1] - centre[1]) / focal[1]
+    rays = (y[:, None, None] * pose[:3, 1] + x[:, None] * pose[:3, 0] + pose[:3, 2]).reshape(-1, 3)
+    hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
+    return spots_at(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays), hits.t
 
 
 def _smooth(
@@ -80,7 +81,7 @@ def _smooth(
     height, width = depth.shape
     positions = spots.positions.reshape(height, width, 3).astype(np.float32)
     normals = spots.normals.reshape(height, width, 3).astype(np.float32)
-    level = (positions * normals).sum(-1)
+    level = np.einsum("hwc,hwc->hw", positions, normals)
     reach = 1.0 / (0.012 * depth).astype(np.float32)
     total, weights = np.zeros_like(light), np.zeros((height, width, 1), np.float32)
     for dy in range(-2, 3):
@@ -88,12 +89,18 @@ def _smooth(
             here, there = _overlap(height, dy), _overlap(height, -dy)
             rows, columns = (here, there), (_overlap(width, dx), _overlap(width, -dx))
             a, b = (rows[0], columns[0]), (rows[1], columns[1])
-            aligned = (normals[a] * normals[b]).sum(-1)
-            off_plane = ((positions[b] * normals[a]).sum(-1) - level[a]) * reach[a]
-            weight = _WINDOW[dy + 2] * _WINDOW[dx + 2] * np.maximum(aligned, 0) ** 16 / (1 + off_plane**2) ** 4
+            aligned = np.einsum("hwc,hwc->hw", normals[a], normals[b])
+            off_plane = (np.einsum("hwc,hwc->hw", positions[b], normals[a]) - level[a]) * reach[a]
+            alike = _fourth(_fourth(np.maximum(aligned, 0)) / (1 + off_plane * off_plane))
+            weight = _WINDOW[dy + 2] * _WINDOW[dx + 2] * alike
             total[a] += weight[..., None] * light[b]
             weights[a] += weight[..., None]
     return total / weights
+
+
+def _fourth(values: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    square = values * values
+    return square * square
 
 
 def _overlap(size: int, shift: int) -> slice:
@@ -102,30 +109,25 @@ def _overlap(size: int, shift: int) -> slice:
 
 
 def _light_between(
-    lit: LitSurfaces,
-    light: Float32[np.ndarray, "h w 3"],
-    centres: Spots,
-    seen: Spots,
-    offset: tuple[float, float],
+    lit: LitSurfaces, light: Float32[np.ndarray, "h w 3"], centres: Spots, seen: Spots, offset: tuple[float, float]
 ) -> Float32[np.ndarray, "n 3"]:
-    """Light at spots seen off pixel centres: from the four nearest centres on the same surface, else computed there."""
+    """Light at spots seen off pixel centres: that of the own or a neighbouring centre on the same surface.
+
+    Where the edge of something thin passes between centres there is none, and light is computed at the spot itself.
+    """
     height, width = light.shape[:2]
-    row, column = np.divmod(np.arange(height * width), width)
-    total, weights = np.zeros((height * width, 3), np.float32), np.zeros(height * width, np.float32)
-    flat = light.reshape(-1, 3)
-    for dy in (0, 1 if offset[1] > 0 else -1):
-        for dx in (0, 1 if offset[0] > 0 else -1):
-            other = np.clip(row + dy, 0, height - 1) * width + np.clip(column + dx, 0, width - 1)
-            near = (0.25 if dx else 0.75) * (0.25 if dy else 0.75)
-            apart = seen.positions - centres.positions[other]
-            off_plane = np.abs((apart * seen.normals).sum(-1))
-            aligned = (seen.normals * centres.normals[other]).sum(-1)
-            same = (off_plane < 0.15 * np.linalg.norm(apart, axis=-1) + 0.002) & (aligned > 0.8)
-            weight = (near * same).astype(np.float32)
-            total += weight[:, None] * flat[other]
-            weights += weight
-    lost = np.flatnonzero(weights == 0)
-    result = total / np.maximum(weights, 1e-6)[:, None]
+    result = light.reshape(-1, 3).copy()
+    dx, dy = (1 if shift > 0 else -1 for shift in offset)
+    lost = np.arange(height * width)
+    for row_step, column_step in ((0, 0), (0, dx), (dy, 0), (dy, dx)):
+        row, column = np.divmod(lost, width)
+        other = np.clip(row + row_step, 0, height - 1) * width + np.clip(column + column_step, 0, width - 1)
+        normals = seen.normals[lost]
+        apart = seen.positions[lost] - centres.positions[other]
+        off_plane = np.abs(dot(apart, normals))
+        same = (off_plane < 0.15 * length(apart) + 0.002) & (dot(normals, centres.normals[other]) > 0.8)
+        result[lost[same]] = light.reshape(-1, 3)[other[same]]
+        lost = lost[~same]
     if len(lost):
         result[lost] = light_on(lit, seen[lost], np.zeros(len(lost), np.int64), 16)
     return result

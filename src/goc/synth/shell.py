@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from goc.synth.lighting import AreaLight
-from goc.synth.materials import Colours, Fabric, Material, Paint, Points, Rgb, linear, mix, step
+from goc.synth.materials import Colours, Fabric, Look, Material, Paint, Points, Rgb, linear, mix, step
 from goc.synth.model import Model, part
 from goc.synth.noise import fractal_noise, value_noise
 from goc.synth.shapes import Solid
@@ -65,31 +65,28 @@ class Shell:
     accent_side: int
     floor: Material
     panels: tuple[Panel, ...]
-    gloss: float = 0.035
 
-    def colour(self, points: Points) -> Colours:
-        """Floor, paint, skirting or panel."""
-        return self._paint(points)[0]
-
-    def glow(self, points: Points) -> Colours | None:
-        """Light of the window's panes and of the ceiling lamp."""
-        return self._paint(points)[1]
-
-    def _paint(self, points: Points) -> tuple[Colours, Colours]:
+    def look(self, points: Points) -> Look:
+        """Floor, paint, skirting or panel; light of the window's panes and of the ceiling lamp."""
         side, flat = on_sides(points, self.size)
         colours = np.zeros((len(points), 3), np.float32)
         light = np.zeros((len(points), 3), np.float32)
+        gloss = np.zeros(len(points), np.float32)
         floor, ceiling = side == FLOOR, side == CEILING
-        colours[floor] = self.floor.colour(points[floor])
+        boards = self.floor.look(points[floor])
+        colours[floor], gloss[floor] = boards.colour, boards.gloss
         colours[ceiling] = Paint(base=linear("eceae4"), unevenness=0.02).colour(points[ceiling])
         wall = ~(floor | ceiling)
         colours[wall] = self._walls(points[wall], side[wall])
         for panel in self.panels:
-            local = flat - np.array([panel.left, panel.bottom])
-            inside = (side == panel.side) & (local >= 0).all(-1) & (local <= [panel.width, panel.height]).all(-1)
-            if inside.any():
-                colours[inside], light[inside] = panel.art.paint(local[inside])
-        return colours, light
+            on_side = np.flatnonzero(side == panel.side)
+            u, v = flat[on_side, 0] - panel.left, flat[on_side, 1] - panel.bottom
+            inside = (u >= 0) & (u <= panel.width) & (v >= 0) & (v <= panel.height)
+            chosen = on_side[inside]
+            if len(chosen):
+                colours[chosen], light[chosen] = panel.art.paint(np.stack([u[inside], v[inside]], -1))
+                gloss[chosen] = 0.0
+        return Look(colour=colours, glow=light, gloss=gloss)
 
     def _walls(self, points: Points, side: np.ndarray) -> Colours:
         base = np.where((side == self.accent_side)[:, None], self.accent_wall, self.wall)
@@ -103,7 +100,7 @@ class Shell:
 
 def on_sides(points: Points, size: RoomSize) -> tuple[np.ndarray, Float[np.ndarray, "p 2"]]:
     """Which side of the room each point lies on, and where: (along the wall, height), or (x, y)."""
-    x, y, z = points.T
+    x, y, z = np.ascontiguousarray(points.T)
     half = size.half
     distances = np.stack([half[0] - x, half[1] - y, half[0] + x, half[1] + y, z, size.height - z])
     side = distances.argmin(0)

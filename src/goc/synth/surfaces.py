@@ -7,8 +7,9 @@ import scipy.sparse
 from jaxtyping import Float, Float32, Int, Int16
 
 from goc.geometry.raycast import RayHits, TriangleScene
-from goc.synth.materials import Material
+from goc.synth.materials import Look, Material
 from goc.synth.model import Model, Part
+from goc.synth.vectors import dot, unit
 
 CREASE = np.cos(np.radians(40.0))
 """Faces that meet at a sharper angle keep their edge when shaded."""
@@ -55,9 +56,9 @@ class Spots:
 
 
 def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
-    """Cut all parts into triangles of at most 15 cm (the room: 35 cm), small enough to carry one brightness each."""
-    pieces = [(0, item, 0.35) for item in shell.parts]
-    pieces += [(key, item, 0.15) for key, model in objects.items() for item in model.parts]
+    """Cut all parts into triangles of at most 30 cm (the room: 45 cm), small enough to carry one brightness each."""
+    pieces = [(0, item, 0.45) for item in shell.parts]
+    pieces += [(key, item, 0.3) for key, model in objects.items() for item in model.parts]
     vertices, faces, owner, material, texture, normals, count = [], [], [], [], [], [], 0
     materials: list[Material] = []
     for key, item, longest in pieces:
@@ -77,22 +78,21 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
         owner=np.concatenate(owner),
         material=np.concatenate(material),
         materials=tuple(materials),
-        face_normals=_unit(_areas(corners)).astype(np.float32),
+        face_normals=unit(_areas(corners)).astype(np.float32),
         normals=np.concatenate(normals).astype(np.float32),
         texture=np.concatenate(texture).astype(np.float32),
     )
 
 
-def spots_at(surfaces: Surfaces, hits: RayHits) -> Spots:
-    """What rays hit; every ray must have hit something, as rays inside a closed room do."""
-    weights = hits.barycentrics.astype(np.float32)[:, :, None]
+def spots_at(surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> Spots:
+    """What rays hit, and where; every ray must have hit something, as rays inside a closed room do."""
+    weights = hits.barycentrics.astype(np.float32).T[:, :, None]
     triangle = hits.triangle
-    corners = surfaces.scene.vertices[surfaces.scene.faces[triangle]]
     return Spots(
-        positions=(corners * hits.barycentrics[:, :, None]).sum(1),
-        normals=_unit((surfaces.normals[triangle] * weights).sum(1)),
+        positions=positions,
+        normals=unit(sum(weight * surfaces.normals[triangle, i] for i, weight in enumerate(weights))),
         face_normals=surfaces.face_normals[triangle],
-        texture=(surfaces.texture[triangle] * weights).sum(1),
+        texture=sum(weight * surfaces.texture[triangle, i] for i, weight in enumerate(weights)),
         triangle=triangle,
     )
 
@@ -103,38 +103,25 @@ def centre_spots(surfaces: Surfaces) -> Spots:
     third = RayHits(
         t=np.zeros(count), triangle=np.arange(count, dtype=np.int32), barycentrics=np.full((count, 3), 1 / 3)
     )
-    return spots_at(surfaces, third)
+    middles = surfaces.scene.vertices[surfaces.scene.faces].mean(1, dtype=np.float64)
+    return spots_at(surfaces, third, middles)
 
 
-def reflectance(surfaces: Surfaces, spots: Spots) -> Float32[np.ndarray, "n 3"]:
-    """Linear colour of each spot."""
-    colours = np.zeros((len(spots), 3), np.float32)
-    for index, chosen in _by_material(surfaces, spots):
-        colours[chosen] = surfaces.materials[index].colour(spots.texture[chosen].astype(np.float64))
-    return np.clip(colours, 0.0, 1.0)
-
-
-def glow(surfaces: Surfaces, spots: Spots) -> Float32[np.ndarray, "n 3"]:
-    """Light that the spots themselves send out."""
-    colours = np.zeros((len(spots), 3), np.float32)
-    for index, chosen in _by_material(surfaces, spots):
-        light = surfaces.materials[index].glow(spots.texture[chosen].astype(np.float64))
-        if light is not None:
-            colours[chosen] = light
-    return colours
-
-
-def gloss(surfaces: Surfaces, spots: Spots) -> Float32[np.ndarray, "n"]:
-    """How strongly each spot mirrors the lights."""
-    values = np.array([material.gloss for material in surfaces.materials], np.float32)
-    return values[surfaces.material[spots.triangle]]
-
-
-def _by_material(surfaces: Surfaces, spots: Spots) -> list[tuple[int, Int[np.ndarray, "_"]]]:
+def look_at(surfaces: Surfaces, spots: Spots) -> Look:
+    """What the materials look like at each spot."""
+    count = len(spots)
+    colour, glow, gloss = (
+        np.zeros((count, 3), np.float32),
+        np.zeros((count, 3), np.float32),
+        np.zeros(count, np.float32),
+    )
     material = surfaces.material[spots.triangle]
     order = np.argsort(material, kind="stable")
     present, starts = np.unique(material[order], return_index=True)
-    return list(zip(present.tolist(), np.split(order, starts[1:]), strict=True))
+    for index, chosen in zip(present, np.split(order, starts[1:]), strict=True):
+        look = surfaces.materials[index].look(spots.texture[chosen])
+        colour[chosen], glow[chosen], gloss[chosen] = look.colour, look.glow, look.gloss
+    return Look(colour=np.clip(colour, 0.0, 1.0), glow=glow, gloss=gloss)
 
 
 def subdivided(
@@ -173,21 +160,17 @@ def corner_normals(
 ) -> Float[np.ndarray, "t 3 3"]:
     """Mean normal, weighted by area, of the faces round each corner that are within the crease angle of its own."""
     areas = _areas(vertices[faces])
-    own = _unit(areas)
+    own = unit(areas)
     if not item.smooth:
         return np.repeat(own[:, None], 3, 1)
     corner_face = np.repeat(np.arange(len(faces)), 3)
     ones = np.ones(len(corner_face))
     touches = scipy.sparse.csr_array((ones, (np.arange(len(ones)), faces.ravel())), (len(ones), len(vertices)))
     pairs = (touches @ touches.T).tocoo()
-    near = (own[corner_face[pairs.row]] * own[corner_face[pairs.col]]).sum(-1) > CREASE
+    near = dot(own[corner_face[pairs.row]], own[corner_face[pairs.col]]) > CREASE
     weights = scipy.sparse.csr_array((ones[:1].repeat(near.sum()), (pairs.row[near], pairs.col[near])), pairs.shape)
-    return _unit(weights @ areas[corner_face]).reshape(-1, 3, 3)
+    return unit(weights @ areas[corner_face]).reshape(-1, 3, 3)
 
 
 def _areas(corners: Float[np.ndarray, "t 3 3"]) -> Float[np.ndarray, "t 3"]:
     return np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-
-
-def _unit(vectors: Float[np.ndarray, "n 3"]) -> Float[np.ndarray, "n 3"]:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-20)
