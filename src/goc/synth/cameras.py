@@ -148,7 +148,7 @@ def _clear(scene: TriangleScene, eyes: Float[np.ndarray, "k 3"]) -> Bool[np.ndar
 
 
 def _seen_share(scene: TriangleScene, eyes: np.ndarray, low: np.ndarray, high: np.ndarray) -> Float[np.ndarray, "k"]:
-    """Share of 27 points in the box of a thing, shrunk to its core, that lie in open view or just behind its surface."""
+    """Share of 27 points inside the box of a thing that lie in open view or not far behind a surface."""
     steps = np.stack(np.meshgrid(*[[-0.4, 0.0, 0.4]] * 3, indexing="ij"), -1).reshape(-1, 3)
     points = (low + high) / 2 + steps * (high - low)
     origins = np.repeat(eyes, len(points), 0)

@@ -25,7 +25,7 @@ def floor_lamp(rng: Rng, style: Style) -> Model:
 def table_lamp(rng: Rng, style: Style) -> Model:
     """A ceramic foot under a small lit shade."""
     foot = smooth_profile([(0, 0), (0.055, 0), (0.075, 0.06), (0.03, 0.15), (0.012, 0.2), (0.012, 0.26), (0, 0.26)])
-    glaze = Paint(base=style.accent(3), unevenness=0.12, scale=14.0, gloss=0.25)
+    glaze = Paint(base=style.accent(3), unevenness=0.12, scale=14.0, gloss=0.07)
     height, radius = float(rng.uniform(0.38, 0.44)), float(rng.uniform(0.12, 0.15))
     shade = part(_lamp_shade(radius, 0.75 * radius, 0.23, height), _cloth_shade(0.3))
     return Model(name="table lamp", parts=(part(lathe(foot), glaze), shade))
@@ -47,7 +47,7 @@ def plant(rng: Rng, style: Style) -> Model:
     """A rubber plant: a pot with earth, a stem, big leaves all round."""
     pot_height, pot = float(rng.uniform(0.28, 0.36)), float(rng.uniform(0.15, 0.18))
     outline = [(0, 0), (0.72 * pot, 0), (pot, pot_height), (pot - 0.02, pot_height), (pot - 0.03, pot_height - 0.05)]
-    glaze = Stripes(first=style.accent(4), second=WHITE.base, axis=2, period=0.2, share=0.35, gloss=0.08)
+    glaze = Stripes(first=style.accent(4), second=WHITE.base, axis=2, period=0.2, share=0.35, gloss=0.02)
     earth = Paint(base=linear("3d2c20"), unevenness=0.4, scale=60.0)
     green, vein = linear("3f7a3a"), linear("8fb96a")
     height = float(rng.uniform(0.85, 1.1))
@@ -97,10 +97,10 @@ def mug(rng: Rng, style: Style) -> Model:
     inner = radius - wall
     outline = [(0, 0), (radius - 0.006, 0), (radius, 0.006), (radius, height - 0.002), (radius - 0.003, height)]
     cavity = [(inner, height - 0.003), (inner, 0.016), (inner - 0.008, 0.009), (0, 0.009)]
-    glaze = Stripes(first=style.accent(1), second=WHITE.base, axis=2, period=height, share=0.3, gloss=0.25)
+    glaze = Stripes(first=style.accent(1), second=WHITE.base, axis=2, period=height, share=0.3, gloss=0.07)
     angles = np.linspace(-np.pi / 2, np.pi / 2, 11)
     bow = np.stack([radius - 0.002 + 0.03 * np.cos(angles), 0 * angles, 0.52 * height + 0.032 * np.sin(angles)], -1)
-    handle = part(tube(bow, 0.0065), Paint(base=style.accent(1), gloss=0.25))
+    handle = part(tube(bow, 0.0065), Paint(base=style.accent(1), gloss=0.07))
     return Model(name="mug", parts=(part(lathe(np.array(outline + cavity)), glaze), handle))
 
 
@@ -111,7 +111,7 @@ def vase(rng: Rng, style: Style) -> Model:
     curve = smooth_profile(outside, 6)
     wall = 0.008
     inside = [(r - wall, z) for r, z in curve[::-1] if r > 2 * wall and z > wall]
-    glaze = Stripes(first=style.accent(5), second=style.accent(0), axis=2, period=height / 3, share=0.4, gloss=0.3)
+    glaze = Stripes(first=style.accent(5), second=style.accent(0), axis=2, period=height / 3, share=0.4, gloss=0.08)
     profile = np.array([*map(tuple, curve), *inside, (0, wall)])
     return Model(name="vase", parts=(part(lathe(profile, 40), glaze),))
 
@@ -121,13 +121,13 @@ def fruit_bowl(rng: Rng, style: Style) -> Model:
     radius = float(rng.uniform(0.13, 0.15))
     outline = [(0, 0), (0.45 * radius, 0), (0.5 * radius, 0.008), (0.85 * radius, 0.035), (radius, 0.075)]
     cavity = [(radius - 0.006, 0.077), (0.84 * radius, 0.043), (0.5 * radius, 0.016), (0, 0.014)]
-    bowl = part(lathe(np.array(outline + cavity), 44), Paint(base=style.accent(1), unevenness=0.1, gloss=0.25))
+    bowl = part(lathe(np.array(outline + cavity), 44), Paint(base=style.accent(1), unevenness=0.1, gloss=0.07))
     parts = [bowl]
     for i, code in enumerate(["d97a1f", "b8352c", "d97a1f", "8fa83a"]):
         size = float(rng.uniform(0.034, 0.037))
         angle = 2 * np.pi * i / 3 + 0.4
         away = 0.045 if i < 3 else 0.0
-        fruit = part(ball(size, 24), Paint(base=linear(code), unevenness=0.12, scale=45.0, gloss=0.12), i)
+        fruit = part(ball(size, 24), Paint(base=linear(code), unevenness=0.12, scale=45.0, gloss=0.03), i)
         parts.append(placed(fruit, away * np.cos(angle), away * np.sin(angle), 0.017 if i < 3 else 0.068))
     return Model(name="fruit bowl", parts=tuple(parts))
 
@@ -147,23 +147,19 @@ def book_pile(rng: Rng, style: Style) -> Model:
     return Model(name="books", parts=tuple(parts))
 
 
-def book_row(rng: Rng, style: Style, width: float) -> Model:
-    """Books that stand side by side on a shelf, spines to the front."""
-    parts, x = [], -width / 2
+def book_row(rng: Rng, style: Style, width: float) -> tuple[Part, ...]:
+    """Books that stand side by side, spines to the front (-y), from x = 0 to at most `width`."""
+    parts: list[Part] = []
+    x = 0.0
     while True:
-        thick, tall, deep = (
-            float(rng.uniform(0.024, 0.045)),
-            float(rng.uniform(0.2, 0.27)),
-            float(rng.uniform(0.15, 0.18)),
-        )
-        if x + thick > width / 2:
-            break
-        lying = _book((tall, deep, thick), style, len(parts) + int(rng.integers(3)))
+        thick, tall = float(rng.uniform(0.024, 0.045)), float(rng.uniform(0.2, 0.27))
+        if x + thick > width:
+            return tuple(parts)
+        lying = _book((tall, float(rng.uniform(0.15, 0.18)), thick), style, len(parts) + int(rng.integers(3)))
         upright = tilted(tilted(lying, "y", -np.pi / 2), "z", np.pi)
         corner = upright.solid.vertices.min(0)
-        parts.append(placed(upright, x - corner[0], -0.09 - corner[1], -corner[2]))
+        parts.append(placed(upright, x - corner[0], -corner[1], -corner[2]))
         x += thick + 0.001
-    return Model(name="books", parts=tuple(parts))
 
 
 def _book(size: tuple[float, float, float], style: Style, index: int) -> Part:

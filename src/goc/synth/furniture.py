@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from goc.synth.decor import book_row
 from goc.synth.materials import Fabric, Material, Paint, Stripes
 from goc.synth.model import Model, Part, Top, part, placed, tilted
 from goc.synth.shapes import cushion, cylinder, prism, rounded_box, rounded_rectangle, tube
@@ -126,7 +127,7 @@ def chair(rng: Rng, style: Style) -> Model:
 
 
 def bookshelf(rng: Rng, style: Style) -> Model:
-    """An open shelf with a back panel."""
+    """An open shelf with a back panel, with books on its boards and two boxes below."""
     width, depth, levels = float(rng.uniform(0.75, 0.95)), 0.28, int(rng.integers(4, 6))
     step, board = float(rng.uniform(0.32, 0.36)), 0.022
     height = 0.06 + levels * step + board
@@ -142,14 +143,21 @@ def bookshelf(rng: Rng, style: Style) -> Model:
     for side in (-1, 1):
         wall = part(rounded_box((board, depth, height), 0.003), upright, side, smooth=False)
         parts.append(placed(wall, side * (width - board) / 2))
-    tops = []
+    inner = width - 2 * board
     for level in range(levels + 1):
         z = 0.06 + level * step
-        shelf = part(rounded_box((width - 2 * board + 0.004, depth - 0.02, board), 0.002), flat, level, smooth=False)
+        shelf = part(rounded_box((inner + 0.004, depth - 0.02, board), 0.002), flat, level, smooth=False)
         parts.append(placed(shelf, 0, -0.002, z))
-        free = step - board if level < levels else np.inf
-        tops.append(Top(x=0, y=-0.02, z=z + board, width=width - 2 * board - 0.04, depth=depth - 0.08, clearance=free))
-    return Model(name="bookshelf", parts=tuple(parts), tops=tuple(tops))
+        if 0 < level < levels:
+            row = book_row(rng, style, inner * float(rng.uniform(0.35, 0.75)))
+            shift = 0.005 - inner / 2
+            if rng.random() < 0.5:  # at the other end of the board
+                shift += inner - 0.01 - max(book.solid.vertices[:, 0].max() for book in row)
+            parts += [placed(book, shift, -0.08, z + board) for book in row]
+    for side in (-1, 1):
+        box = part(rounded_box((0.42 * inner, 0.22, 0.2), 0.012, 2), style.upholstery(side > 0), 20 + side)
+        parts.append(placed(box, side * 0.25 * inner, -0.01, 0.06 + board))
+    return Model(name="bookshelf", parts=tuple(parts))
 
 
 def sideboard(rng: Rng, style: Style) -> Model:
@@ -160,7 +168,7 @@ def sideboard(rng: Rng, style: Style) -> Model:
     parts = [placed(body, 0, 0.01, leg - 0.005)]
     parts += _four_legs(width - 0.16, depth - 0.12, leg, (0.014, 0.024), METAL)
     each = (width - 0.04) / doors
-    fronts: Material = style.timber(0) if rng.random() < 0.4 else Paint(base=WHITE.base, gloss=0.05)
+    fronts: Material = style.timber(0) if rng.random() < 0.4 else Paint(base=WHITE.base, gloss=0.012)
     for i in range(doors):
         x = (i + 0.5) * each - (width - 0.04) / 2
         panel = part(rounded_box((each - 0.012, 0.018, height - leg - 0.05), 0.003), fronts, 3 + i, smooth=False)

@@ -62,21 +62,22 @@ def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, sa
     areas = length(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     walls = surfaces.owner == 0
     level = float((radiance.mean(-1) * areas)[walls].sum() / areas[walls].sum())
-    return LitSurfaces(surfaces=surfaces, lights=lights, radiance=radiance, exposure=0.62 / max(level, 1e-9))
+    return LitSurfaces(surfaces=surfaces, lights=lights, radiance=radiance, exposure=0.5 / max(level, 1e-9))
 
 
-def light_on(lit: LitSurfaces, spots: Spots, start: Int[np.ndarray, "n"], samples: int) -> Float32[np.ndarray, "n 3"]:
+def light_on(lit: LitSurfaces, spots: Spots, pattern: Int[np.ndarray, "n"], samples: int) -> Float32[np.ndarray, "n 3"]:
     """Light at each spot: shadow rays to the lights, and rays that gather what other surfaces send out.
 
     Args:
         lit: the room.
         spots: where to look.
-        start: first place of each spot in the sample sequence; neighbours take different places and share results.
-        samples: rays a spot for each light, and for gathering.
+        pattern: which run of the sample sequence each spot takes; neighbours take different ones and share results.
+        samples: gathering rays a spot; half as many shadow rays for each light.
     """
-    rays = _gather_rays(lit.surfaces, spots, start, samples)
+    shadow_rays = max(1, samples // 2)
+    rays = _gather_rays(lit.surfaces, spots, pattern * samples, samples)
     reflected = _mean_gathered(rays, lit.radiance, len(spots))
-    return direct_light(lit.surfaces, lit.lights, spots, start, samples) + reflected
+    return direct_light(lit.surfaces, lit.lights, spots, pattern * shadow_rays, shadow_rays) + reflected
 
 
 def direct_light(

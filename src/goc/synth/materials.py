@@ -92,7 +92,7 @@ class Wood(Coloured):
     dark: Rgb
     grain: int = 0
     """Axis along which the fibres run: 0 = x, 1 = y, 2 = z."""
-    gloss: float = 0.04
+    gloss: float = 0.01
 
     def colour(self, points: Points) -> Colours:
         """Light and dark bands, stretched along the grain."""
@@ -153,7 +153,7 @@ class Gores(Coloured):
     colours: tuple[Rgb, ...]
     cap: Rgb
     radius: float
-    gloss: float = 0.05
+    gloss: float = 0.02
 
     def colour(self, points: Points) -> Colours:
         """One colour for each sector, and caps at the poles."""
@@ -170,7 +170,7 @@ class Leaf(Coloured):
 
     base: Rgb
     vein: Rgb
-    gloss: float = 0.04
+    gloss: float = 0.012
 
     def colour(self, points: Points) -> Colours:
         """Veins in a mottled green."""
@@ -189,7 +189,7 @@ class Book(Coloured):
     cover: Rgb
     title: Rgb
     size: tuple[float, float, float]
-    gloss: float = 0.02
+    gloss: float = 0.01
 
     def colour(self, points: Points) -> Colours:
         """Cover on both flat sides and the spine, leaves of paper between."""
@@ -232,7 +232,7 @@ class Planks(Coloured):
     wood: Wood
     width: float = 0.14
     length: float = 1.3
-    gloss: float = 0.05
+    gloss: float = 0.014
 
     def colour(self, points: Points) -> Colours:
         """Boards, darker in the gaps."""
@@ -256,7 +256,7 @@ class Tiles(Coloured):
     second: Rgb
     grout: Rgb
     size: float = 0.4
-    gloss: float = 0.08
+    gloss: float = 0.02
 
     def colour(self, points: Points) -> Colours:
         """Square tiles of two tones with marbling, and grout."""

@@ -40,13 +40,12 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
     Args:
         lit: the room; the camera stands inside.
         camera: where from.
-        samples: shadow rays for each light, and gathering rays, for each pixel.
+        samples: gathering rays for each pixel, and half as many shadow rays for each light.
     """
     height, width = camera.height, camera.width
     spots, depth = _seen(lit, camera, (0.0, 0.0))
     row, column = np.divmod(np.arange(height * width), width)
-    start = samples * _PATTERN[row % 4, column % 4]
-    light = light_on(lit, spots, start, samples)
+    light = light_on(lit, spots, _PATTERN[row % 4, column % 4], samples)
     light = _smooth(light.reshape(height, width, 3), spots, depth.reshape(height, width))
     total = np.zeros((height * width, 3), np.float32)
     for offset in _OFFSETS:
@@ -134,5 +133,5 @@ def _light_between(
 
 
 def _tone(radiance: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
-    """Bring radiance into [0, 1]: Reinhard's curve with white at 4 (2002)."""
-    return np.minimum(radiance * (1 + radiance / 16) / (1 + radiance), 1.0)
+    """Bring radiance into [0, 1]: Reinhard's curve with white at 2.2 (2002)."""
+    return np.minimum(radiance * (1 + radiance / 2.2**2) / (1 + radiance), 1.0)

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from goc.errors import ConfigError
 from goc.synth import decor, furniture
-from goc.synth.layout import Footprint, Layout, Standing, stand
+from goc.synth.layout import Footprint, Layout, Standing
 from goc.synth.lighting import AreaLight
 from goc.synth.materials import linear
 from goc.synth.model import Model
@@ -43,7 +43,7 @@ class Room:
 
 
 def furnish_room(seed: int, objects: int) -> Room:
-    """Draw a room with that many objects (6…15); the same seed gives the same room.
+    """Draw a room with that many objects (6…16); the same seed gives the same room.
 
     Raises:
         ConfigError: no attempt found room for that many objects.
@@ -100,8 +100,8 @@ def _furnish(rng: Rng, style: Style, size: RoomSize, openings: _Openings, count:
     if rng.random() < 0.5:
         groups.reverse()
     steps: list[Callable[[], Standing | None]] = [place.sofa, place.coffee_table, place.bookshelf, place.floor_lamp]
-    steps += [place.armchair, place.plant, place.mug, place.books, *groups[0], *groups[1]]
-    steps += [place.ball, place.pouf, place.book_row, place.table_lamp]
+    steps += [place.armchair, place.plant, place.mug, place.books, *groups[0], place.ball, *groups[1]]
+    steps += [place.pouf, place.table_lamp]
     for step in sorted(steps[:count], key=lambda step: step in (place.ball, place.pouf)):
         thing = layout.add(step())
         if thing is None:
@@ -224,13 +224,6 @@ class _Placer:
 
     def fruit_bowl(self) -> Standing | None:
         return self.layout.on_top(decor.fruit_bowl(self.rng, self.style), self.done["table"], 0, self.rng)
-
-    def book_row(self) -> Standing | None:
-        """Upright books on a shelf at eye height, spines to the front."""
-        shelf = self.done["bookshelf"]
-        top = shelf.top(2)
-        model = decor.book_row(self.rng, self.style, 0.8 * top.width)
-        return stand(model, top.x, top.y, top.z, shelf.yaw)
 
 
 def _beside(thing: Standing, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:

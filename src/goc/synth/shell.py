@@ -90,7 +90,7 @@ class Shell:
 
     def _walls(self, points: Points, side: np.ndarray) -> Colours:
         base = np.where((side == self.accent_side)[:, None], self.accent_wall, self.wall)
-        shade = 1 + 0.1 * (fractal_noise(points * 1.7, 2) - 0.5) + 0.12 * (value_noise(points * 130.0) - 0.5)
+        shade = 1 + 0.08 * (fractal_noise(points * 1.7, 2) - 0.5) + 0.06 * (value_noise(points * 70.0) - 0.5)
         painted = base * shade[:, None]
         z = points[:, 2]
         board = np.asarray(WHITE.base) * (0.97 + 0.06 * value_noise(points * 40.0))[:, None]
@@ -124,7 +124,7 @@ class Window:
         frame = (bar | rim)[:, None]
         place = np.stack([u * 3, v * 3, 0 * u], -1)
         clouds = fractal_noise(place, 3)
-        sky = mix((1.5, 2.0, 2.9), (2.9, 3.0, 3.1), np.clip(0.5 + clouds - 0.6 * v / self.height, 0, 1))
+        sky = mix((0.75, 1.15, 1.9), (2.2, 2.3, 2.4), np.clip(0.35 + clouds - 0.6 * v / self.height, 0, 1))
         trees = v < self.height * (0.2 + 0.16 * fractal_noise(place * [2, 0, 0] + 3, 3))
         leaves = mix((0.22, 0.34, 0.16), (0.5, 0.66, 0.35), value_noise(place * 9))
         view = np.where(trees[:, None], leaves, sky)

@@ -40,8 +40,8 @@ class Style:
         return self.accents[index % len(self.accents)]
 
 
-METAL = Paint(base=linear("34343a"), unevenness=0.03, gloss=0.12)
-WHITE = Paint(base=linear("e6e3dc"), unevenness=0.03, gloss=0.06)
+METAL = Paint(base=linear("34343a"), unevenness=0.03, gloss=0.03)
+WHITE = Paint(base=linear("e6e3dc"), unevenness=0.03, gloss=0.015)
 
 
 def choose_style(rng: np.random.Generator) -> Style:
