@@ -17,7 +17,7 @@ from goc.reconstruct.config import ReconstructConfig
 from goc.scene.capture import Capture, Frame
 from goc.scene.gaussians import Gaussians
 
-_POOL = 40
+_POOL = 12
 """Candidates back-projected for each splat of the budget."""
 _TEXTURE_SHARE = 0.5
 """Share of the seeds drawn where the image has texture; the rest covers the surface evenly."""
@@ -124,14 +124,13 @@ def _voxel_keys(positions: Float[Tensor, "p 3"], voxel: float) -> np.ndarray:
 def _one_a_voxel(points: _Points, count: int) -> Tensor:
     """One sample in each cell of the voxel grid that has about `count` occupied cells (found by bisection)."""
     low, high = 1e-4, float((points.positions.amax(0) - points.positions.amin(0)).max()) + 1e-3
-    first = np.zeros(0, dtype=np.int64)
-    for _ in range(18):
+    while high / low > 1.01:
         middle = (low * high) ** 0.5
-        _, first = np.unique(_voxel_keys(points.positions, middle), return_index=True)
-        if abs(len(first) - count) < 0.01 * count:
-            break
-        low, high = (middle, high) if len(first) > count else (low, middle)
-    return torch.from_numpy(first)
+        cells = _voxel_keys(points.positions, middle)
+        cells.sort()
+        occupied = 1 + np.count_nonzero(np.diff(cells))
+        low, high = (middle, high) if occupied > count else (low, middle)
+    return torch.from_numpy(np.unique(_voxel_keys(points.positions, high), return_index=True)[1])
 
 
 def _thin(points: _Points, budget: int, generator: torch.Generator) -> _Points:

@@ -1,0 +1,84 @@
+// Python sees goc._native.TriangleBvh; src/goc/geometry/raycast.py is what the rest of goc uses.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <cstdint>
+#include <stdexcept>
+
+#include "raycast.hpp"
+#include "threads.hpp"
+
+namespace nb = nanobind;
+using nb::literals::operator""_a;
+
+namespace goc {
+namespace {
+
+constexpr std::size_t kGrain = 512;
+
+template <class T, class Shape>
+using In = nb::ndarray<const T, Shape, nb::c_contig, nb::device::cpu>;
+template <class T, class Shape>
+using Out = nb::ndarray<T, Shape, nb::c_contig, nb::device::cpu>;
+using Triples = In<double, nb::shape<-1, 3>>;
+
+TriangleBvh* make_bvh(In<float, nb::shape<-1, 3>> vertices, In<std::int32_t, nb::shape<-1, 3>> faces) {
+  const std::size_t face_count = faces.shape(0);
+  if (face_count == 0) throw std::invalid_argument("TriangleBvh: no faces");
+  for (std::size_t i = 0; i < 3 * face_count; ++i) {
+    const std::int32_t index = faces.data()[i];
+    if (index < 0 || static_cast<std::size_t>(index) >= vertices.shape(0)) {
+      throw std::invalid_argument("TriangleBvh: a face names a vertex that is not there");
+    }
+  }
+  nb::gil_scoped_release release;
+  return new TriangleBvh(vertices.data(), faces.data(), face_count);
+}
+
+void closest_hits(const TriangleBvh& bvh, Triples origins, Triples directions, Out<double, nb::shape<-1>> t,
+                 Out<std::int32_t, nb::shape<-1>> triangles, Out<double, nb::shape<-1, 3>> barycentrics) {
+  const std::size_t count = origins.shape(0);
+  if (directions.shape(0) != count || t.shape(0) != count || triangles.shape(0) != count ||
+      barycentrics.shape(0) != count) {
+    throw std::invalid_argument("closest_hit: arrays of different lengths");
+  }
+  nb::gil_scoped_release release;
+  parallel_for(count, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const RayHit hit = bvh.closest(origins.data() + 3 * i, directions.data() + 3 * i);
+      t.data()[i] = hit.t;
+      triangles.data()[i] = hit.triangle;
+      double* weights = barycentrics.data() + 3 * i;
+      weights[0] = hit.u;
+      weights[1] = hit.v;
+      weights[2] = hit.w;
+    }
+  });
+}
+
+void occlusions(const TriangleBvh& bvh, Triples origins, Triples directions, In<double, nb::shape<-1>> max_distances,
+              Out<bool, nb::shape<-1>> blocked) {
+  const std::size_t count = origins.shape(0);
+  if (directions.shape(0) != count || max_distances.shape(0) != count || blocked.shape(0) != count) {
+    throw std::invalid_argument("occluded: arrays of different lengths");
+  }
+  nb::gil_scoped_release release;
+  parallel_for(count, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      blocked.data()[i] = bvh.occluded(origins.data() + 3 * i, directions.data() + 3 * i, max_distances.data()[i]);
+    }
+  });
+}
+
+}  // namespace
+
+void bind_raycast(nb::module_& module) {
+  nb::class_<TriangleBvh>(module, "TriangleBvh", "A bounding-volume hierarchy over a triangle soup.")
+      .def(nb::new_(&make_bvh), "vertices"_a, "faces"_a)
+      .def("closest_hit", &closest_hits, "origins"_a, "directions"_a, "t"_a, "triangles"_a, "barycentrics"_a,
+           "Fill t (infinity: none), triangle (-1: none) and barycentric weights of each ray's nearest hit.")
+      .def("occluded", &occlusions, "origins"_a, "directions"_a, "max_distances"_a, "blocked"_a,
+           "Fill whether each ray hits anything before its maximal distance.");
+}
+
+}  // namespace goc

@@ -1,0 +1,100 @@
+"""Rays against triangles: what a camera sees of a mesh, and what stands in the light."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64, Int32
+
+from goc._native import TriangleBvh
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RayHits:
+    """The nearest hit of each of n rays."""
+
+    t: Float64[np.ndarray, "n"]
+    """Distance in lengths of the ray's direction; infinity where nothing was hit."""
+    triangle: Int32[np.ndarray, "n"]
+    """Index of the triangle; -1 where nothing was hit."""
+    barycentrics: Float64[np.ndarray, "n 3"]
+    """Weights of the triangle's corners, sum 1; 0 where nothing was hit."""
+
+    @property
+    def found(self) -> Bool[np.ndarray, "n"]:
+        """Which rays hit something."""
+        return self.triangle >= 0
+
+
+@dataclass(frozen=True, eq=False)
+class TriangleScene:
+    """A triangle soup that rays can be cast at; the hierarchy is built once, when the scene is made.
+
+    Both sides of a triangle are hit. Rays do not slip through shared edges: the test is watertight (Woop et al. 2013).
+    Results are the same for any number of threads.
+
+    Raises:
+        ValueError: no faces, a vertex that is not finite, or a face that names a vertex that is not there.
+    """
+
+    vertices: Float32[np.ndarray, "v 3"]
+    faces: Int32[np.ndarray, "t 3"]
+    _bvh: TriangleBvh = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        if len(self.faces) == 0:
+            raise ValueError("TriangleScene: no faces, so nothing can be hit.")
+        bad = np.flatnonzero(~np.isfinite(self.vertices).all(-1))
+        if len(bad):
+            raise ValueError(f"TriangleScene: {len(bad)} vertices are not finite (first: {bad[0]}).")
+        outside = np.flatnonzero(((self.faces < 0) | (self.faces >= len(self.vertices))).any(-1))
+        if len(outside):
+            raise ValueError(
+                f"TriangleScene: {len(outside)} faces name vertices outside 0…{len(self.vertices) - 1} "
+                f"(first: face {outside[0]})."
+            )
+        bvh = TriangleBvh(np.ascontiguousarray(self.vertices), np.ascontiguousarray(self.faces))
+        object.__setattr__(self, "_bvh", bvh)
+
+    def closest_hit(self, origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]) -> RayHits:
+        """The nearest triangle in front of each ray's origin (t > 0).
+
+        Args:
+            origins: scene frame, finite.
+            directions: scene frame, of any length but zero; t counts in this length, so that directions with z = 1 in
+                camera axes give the depth along the optical axis.
+        """
+        origins, directions = _rays(origins, directions)
+        hits = RayHits(
+            t=np.zeros(len(origins)),
+            triangle=np.zeros(len(origins), np.int32),
+            barycentrics=np.zeros((len(origins), 3)),
+        )
+        self._bvh.closest_hit(origins, directions, hits.t, hits.triangle, hits.barycentrics)
+        return hits
+
+    def occluded(
+        self,
+        origins: Float[np.ndarray, "n 3"],
+        directions: Float[np.ndarray, "n 3"],
+        max_distance: Float[np.ndarray, "n"] | float,
+    ) -> Bool[np.ndarray, "n"]:
+        """Whether each ray hits anything with 0 < t < max_distance, t in lengths of its direction."""
+        origins, directions = _rays(origins, directions)
+        limits = np.ascontiguousarray(np.broadcast_to(np.asarray(max_distance, np.float64), (len(origins),)))
+        if np.isnan(limits).any():
+            raise ValueError("occluded: a maximal distance is NaN.")
+        blocked = np.zeros(len(origins), bool)
+        self._bvh.occluded(origins, directions, limits, blocked)
+        return blocked
+
+
+def _rays(
+    origins: Float[np.ndarray, "n 3"], directions: Float[np.ndarray, "n 3"]
+) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
+    origins, directions = np.ascontiguousarray(origins, np.float64), np.ascontiguousarray(directions, np.float64)
+    squares = np.einsum("ij,ij->i", directions, directions)
+    if not (np.isfinite(origins).all() and np.isfinite(squares).all()):
+        raise ValueError("Rays need finite origins and directions.")
+    if not (squares > 1e-60).all():
+        raise ValueError("Rays need directions of non-zero length.")
+    return origins, directions

@@ -1,0 +1,137 @@
+"""Where things stand: against walls, before each other, in corners, on top of each other; never in each other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from goc.synth.model import Model, Top
+from goc.synth.shapes import rotation
+from goc.synth.shell import RoomSize
+
+# Turn that brings a thing's back to the wall at +x, +y, -x, -y.
+YAW_OF_WALL = (-np.pi / 2, 0.0, np.pi / 2, np.pi)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Footprint:
+    """An upright box with a turned rectangle as its base."""
+
+    centre: Float[np.ndarray, "2"]
+    half: Float[np.ndarray, "2"]
+    yaw: float
+    low: float
+    high: float
+
+    @property
+    def axes(self) -> Float[np.ndarray, "2 2"]:
+        """Unit directions of the sides, as rows."""
+        return rotation("z", self.yaw)[:2, :2].T
+
+    @property
+    def corners(self) -> Float[np.ndarray, "4 2"]:
+        """Of the base, counter-clockwise."""
+        signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+        return self.centre + (signs * self.half) @ self.axes
+
+    def apart(self, other: "Footprint", gap: float) -> bool:
+        """Whether some plane separates both boxes by at least `gap`, which sideways only counts."""
+        if self.low >= other.high - 1e-9 or other.low >= self.high - 1e-9:
+            return True
+        for axis in (*self.axes, *other.axes):
+            mine, theirs = self.corners @ axis, other.corners @ axis
+            if max(theirs.min() - mine.max(), mine.min() - theirs.max()) >= gap:
+                return True
+        return False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Standing:
+    """A thing in its place."""
+
+    model: Model
+    """In the world."""
+    footprint: Footprint
+    local: Model
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+    def top(self, index: int = 0) -> Top:
+        """One of its tops; x, y, z in the world, width along the thing's own x."""
+        own = self.local.tops[index]
+        across = rotation("z", self.yaw)[:2, :2] @ np.array([own.x, own.y])
+        return Top(
+            x=self.x + across[0],
+            y=self.y + across[1],
+            z=self.z + own.z,
+            width=own.width,
+            depth=own.depth,
+            clearance=own.clearance,
+        )
+
+
+def stand(model: Model, x: float, y: float, z: float, yaw: float) -> Standing:
+    """Put a thing somewhere; its lowest point comes to lie at z."""
+    low, high = model.bounds
+    middle = rotation("z", yaw)[:2, :2] @ (low + high)[:2] / 2
+    footprint = Footprint(
+        centre=np.array([x, y]) + middle, half=(high - low)[:2] / 2, yaw=yaw, low=z, high=z + high[2] - low[2]
+    )
+    world = model.turned(yaw).moved(x, y, z - low[2])
+    return Standing(model=world, footprint=footprint, local=model, x=x, y=y, z=z, yaw=yaw)
+
+
+class Layout:
+    """Things placed so far, and places that must stay free; refuses what would overlap."""
+
+    def __init__(self, size: RoomSize, kept_free: tuple[Footprint, ...]) -> None:
+        self.size = size
+        self.kept_free = kept_free
+        self.things: list[Standing] = []
+
+    def add(self, thing: Standing | None) -> Standing | None:
+        """Keep a thing; returns it."""
+        if thing is not None:
+            self.things.append(thing)
+        return thing
+
+    def fits(self, thing: Standing, gap: float) -> bool:
+        """Whether a thing lies inside the room and `gap` away from all others."""
+        inside = (np.abs(thing.footprint.corners) <= self.size.half[:2] - 0.015).all()
+        others = [other.footprint for other in self.things] + list(self.kept_free)
+        return bool(inside) and all(thing.footprint.apart(other, gap) for other in others)
+
+    def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> Standing | None:
+        """Back to a wall, centred at `along` on it; None where that is taken."""
+        reach = self.size.half[side % 2] - 0.03 - model.bounds[1][1]
+        sign = 1 if side < 2 else -1
+        x, y = (sign * reach, along) if side % 2 == 0 else (along, sign * reach)
+        thing = stand(model, x, y, 0.0, YAW_OF_WALL[side])
+        return thing if self.fits(thing, gap) else None
+
+    def somewhere(self, model: Model, spots: Float[np.ndarray, "k 3"], gap: float, z: float = 0.0) -> Standing | None:
+        """At the first of the places (x, y, yaw) that is free."""
+        for x, y, yaw in spots:
+            thing = stand(model, float(x), float(y), z, float(yaw))
+            if self.fits(thing, gap):
+                return thing
+        return None
+
+    def on_top(self, model: Model, below: Standing, index: int, rng: np.random.Generator) -> Standing | None:
+        """On one of the tops of another thing, wholly inside its edge; None where there is no room left."""
+        top = below.top(index)
+        low, high = model.bounds
+        if high[2] - low[2] > top.clearance - 0.01:
+            return None
+        for turn in rng.uniform(-0.4, 0.4, 60):
+            reach = np.abs(rotation("z", float(turn))[:2, :2]) @ np.abs([low[:2], high[:2]]).max(0)
+            room = np.array([top.width, top.depth]) / 2 - reach
+            if (room < 0).any():
+                continue
+            shift = rotation("z", below.yaw)[:2, :2] @ (rng.uniform(-1, 1, 2) * room)
+            thing = stand(model, top.x + shift[0], top.y + shift[1], top.z, below.yaw + float(turn))
+            if self.fits(thing, 0.03):
+                return thing
+        return None

@@ -1,0 +1,98 @@
+"""Things in a room: closed parts with materials, and the flat tops that other things can stand on."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, UInt8
+
+from goc.scene import Mesh
+from goc.synth.materials import Material
+from goc.synth.shapes import Solid
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Part:
+    """One closed solid of one material."""
+
+    solid: Solid
+    material: Material
+    texture: Float[np.ndarray, "v 3"]
+    """Where each vertex lies in the frame of its material, metres: it stays when the part is moved."""
+    smooth: bool = True
+    """Shade across edges that are nearly flat, as on turned or upholstered things."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Top:
+    """A flat rectangle that things can stand on."""
+
+    x: float
+    y: float
+    z: float
+    width: float
+    depth: float
+    clearance: float = np.inf
+    """Free height above it."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Model:
+    """A thing: closed parts, in its own frame (base on z = 0, front towards -y) or in the world."""
+
+    name: str
+    parts: tuple[Part, ...]
+    tops: tuple[Top, ...] = ()
+
+    def moved(self, x: float, y: float, z: float = 0.0) -> "Model":
+        """The thing, shifted."""
+        parts = tuple(replace(part, solid=part.solid.moved(x, y, z)) for part in self.parts)
+        return Model(name=self.name, parts=parts)
+
+    def turned(self, angle: float) -> "Model":
+        """The thing, rotated about the vertical axis, radians counter-clockwise."""
+        parts = tuple(replace(part, solid=part.solid.turned("z", angle)) for part in self.parts)
+        return Model(name=self.name, parts=parts)
+
+    @property
+    def bounds(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Lowest and highest corner of the axis-parallel box."""
+        points = np.concatenate([part.solid.vertices for part in self.parts])
+        return points.min(0), points.max(0)
+
+
+def part(solid: Solid, material: Material, variant: float = 0.0, smooth: bool = True) -> Part:
+    """A solid made of a material; `variant` shifts the pattern, so that two boards are not twins."""
+    shift = variant * np.array([1.37, 2.11, 1.73])
+    return Part(solid=solid, material=material, texture=solid.vertices + shift, smooth=smooth)
+
+
+def placed(item: Part, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Part:
+    """The part, shifted; its pattern goes along."""
+    return replace(item, solid=item.solid.moved(x, y, z))
+
+
+def tilted(item: Part, axis: str, angle: float) -> Part:
+    """The part, rotated about a coordinate axis through the origin; its pattern goes along."""
+    return replace(item, solid=item.solid.turned(axis, angle))
+
+
+def mesh_of(model: Model) -> Mesh:
+    """All parts as one mesh, with the materials' colours at the vertices."""
+    vertices, faces, colours, count = [], [], [], 0
+    for item in model.parts:
+        vertices.append(item.solid.vertices)
+        faces.append(item.solid.faces + count)
+        colours.append(item.material.look(item.texture).colour)
+        count += len(item.solid.vertices)
+    return Mesh(
+        vertices=np.concatenate(vertices).astype(np.float32),
+        faces=np.concatenate(faces).astype(np.int32),
+        colours=encode_srgb(np.concatenate(colours)),
+    )
+
+
+def encode_srgb(linear: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 3"]:
+    """Linear light in [0, 1] as sRGB bytes; values outside are clipped."""
+    clipped = np.clip(linear, 0, 1)
+    encoded = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
+    return np.round(255 * encoded).astype(np.uint8)

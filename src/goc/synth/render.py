@@ -1,0 +1,137 @@
+"""One view of a lit room: colour with soft shadows, exact depth and ids at pixel centres."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float32, Int16, UInt8
+
+from goc.scene import Camera
+from goc.synth.lighting import LitSurfaces, light_on, mirrored
+from goc.synth.model import encode_srgb
+from goc.synth.surfaces import Spots, look_at, spots_at
+from goc.synth.vectors import dot, length
+
+# Order in which the 16 pixels of a 4x4 block take their share of the light samples (a Bayer matrix).
+_PATTERN = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
+# Half weights at the rim: the window counts each of the 16 patterns once, so that their differences cancel.
+_WINDOW = np.array([0.5, 1.0, 1.0, 1.0, 0.5])
+# Antialiasing: four samples a pixel, at these offsets from its centre.
+_OFFSETS = [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """What one camera sees."""
+
+    colour: UInt8[np.ndarray, "h w 3"]
+    """sRGB."""
+    depth: Float[np.ndarray, "h w"]
+    """z along the optical axis at pixel centres, metres, exact."""
+    ids: Int16[np.ndarray, "h w"]
+    """0 = room, 1… = objects."""
+
+
+def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
+    """Cast rays through every pixel: one through its centre for depth, ids and light, four for colour.
+
+    Light is estimated with few rays a pixel that differ over blocks of 4x4 pixels, then averaged over neighbours on the
+    same surface (interleaved sampling, Keller and Heidrich 2001): soft shadows without noise.
+
+    Args:
+        lit: the room; the camera stands inside.
+        camera: where from.
+        samples: gathering rays for each pixel, and half as many shadow rays for each light.
+    """
+    height, width = camera.height, camera.width
+    spots, depth = _seen(lit, camera, (0.0, 0.0))
+    row, column = np.divmod(np.arange(height * width), width)
+    light = light_on(lit, spots, _PATTERN[row % 4, column % 4], samples)
+    light = _smooth(light.reshape(height, width, 3), spots, depth.reshape(height, width))
+    total = np.zeros((height * width, 3), np.float32)
+    for offset in _OFFSETS:
+        seen, _ = _seen(lit, camera, offset)
+        here = _light_between(lit, light, spots, seen, offset)
+        look = look_at(lit.surfaces, seen)
+        radiance = look.colour * here + look.glow / lit.exposure
+        radiance += mirrored(lit, seen, camera.position.double().numpy(), look.gloss)
+        total += _tone(lit.exposure * radiance) / len(_OFFSETS)
+    return View(
+        colour=encode_srgb(total).reshape(height, width, 3),
+        depth=depth.reshape(height, width),
+        ids=lit.surfaces.owner[spots.triangle].reshape(height, width),
+    )
+
+
+def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tuple[Spots, Float[np.ndarray, "n"]]:
+    """What the rays through all pixels hit, `offset` pixels from their centres, and how deep."""
+    pose = camera.world_from_cam.double().numpy()
+    centre, focal = camera.centre_px.double().numpy(), camera.focal_px.double().numpy()
+    x = (np.arange(camera.width) + 0.5 + offset[0] - centre[0]) / focal[0]
+    y = (np.arange(camera.height) + 0.5 + offset[1] - centre[1]) / focal[1]
+    rays = (y[:, None, None] * pose[:3, 1] + x[:, None] * pose[:3, 0] + pose[:3, 2]).reshape(-1, 3)
+    hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
+    return spots_at(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays), hits.t
+
+
+def _smooth(
+    light: Float32[np.ndarray, "h w 3"], spots: Spots, depth: Float[np.ndarray, "h w"]
+) -> Float32[np.ndarray, "h w 3"]:
+    """Mean over 4x4 pixels (a 5x5 window with half-weight rim) that lie in the same plane and face the same way."""
+    height, width = depth.shape
+    positions = spots.positions.reshape(height, width, 3).astype(np.float32)
+    normals = spots.normals.reshape(height, width, 3).astype(np.float32)
+    level = np.einsum("hwc,hwc->hw", positions, normals)
+    reach = 1.0 / (0.012 * depth).astype(np.float32)
+    total, weights = np.zeros_like(light), np.zeros((height, width, 1), np.float32)
+    for dy in range(-2, 3):
+        for dx in range(-2, 3):
+            here, there = _overlap(height, dy), _overlap(height, -dy)
+            rows, columns = (here, there), (_overlap(width, dx), _overlap(width, -dx))
+            a, b = (rows[0], columns[0]), (rows[1], columns[1])
+            aligned = np.einsum("hwc,hwc->hw", normals[a], normals[b])
+            off_plane = (np.einsum("hwc,hwc->hw", positions[b], normals[a]) - level[a]) * reach[a]
+            alike = _fourth(_fourth(np.maximum(aligned, 0)) / (1 + off_plane * off_plane))
+            weight = _WINDOW[dy + 2] * _WINDOW[dx + 2] * alike
+            total[a] += weight[..., None] * light[b]
+            weights[a] += weight[..., None]
+    return total / weights
+
+
+def _fourth(values: Float32[np.ndarray, "h w"]) -> Float32[np.ndarray, "h w"]:
+    square = values * values
+    return square * square
+
+
+def _overlap(size: int, shift: int) -> slice:
+    """Indices i of a row of `size` for which i + shift lies in the row too."""
+    return slice(max(0, -shift), size - max(0, shift))
+
+
+def _light_between(
+    lit: LitSurfaces, light: Float32[np.ndarray, "h w 3"], centres: Spots, seen: Spots, offset: tuple[float, float]
+) -> Float32[np.ndarray, "n 3"]:
+    """Light at spots seen off pixel centres: that of the own or a neighbouring centre on the same surface.
+
+    Where the edge of something thin passes between centres there is none, and light is computed at the spot itself.
+    """
+    height, width = light.shape[:2]
+    result = light.reshape(-1, 3).copy()
+    dx, dy = (1 if shift > 0 else -1 for shift in offset)
+    lost = np.arange(height * width)
+    for row_step, column_step in ((0, 0), (0, dx), (dy, 0), (dy, dx)):
+        row, column = np.divmod(lost, width)
+        other = np.clip(row + row_step, 0, height - 1) * width + np.clip(column + column_step, 0, width - 1)
+        normals = seen.normals[lost]
+        apart = seen.positions[lost] - centres.positions[other]
+        off_plane = np.abs(dot(apart, normals))
+        same = (off_plane < 0.15 * length(apart) + 0.002) & (dot(normals, centres.normals[other]) > 0.8)
+        result[lost[same]] = light.reshape(-1, 3)[other[same]]
+        lost = lost[~same]
+    if len(lost):
+        result[lost] = light_on(lit, seen[lost], np.zeros(len(lost), np.int64), 16)
+    return result
+
+
+def _tone(radiance: Float32[np.ndarray, "n 3"]) -> Float32[np.ndarray, "n 3"]:
+    """Bring radiance into [0, 1]: Reinhard's curve with white at 2.2 (2002)."""
+    return np.minimum(radiance * (1 + radiance / 2.2**2) / (1 + radiance), 1.0)
