@@ -11,6 +11,7 @@ void bind_noise(nb::module_& module);
 void bind_raster(nb::module_& module);
 void bind_raycast(nb::module_& module);
 }
+void bind_fuse(nb::module_& module);
 
 NB_MODULE(_native, module) {
   module.doc() = "goc's C++ kernels";
@@ -21,4 +22,5 @@ NB_MODULE(_native, module) {
   goc::bind_noise(module);
   goc::bind_raster(module);
   goc::bind_raycast(module);
+  bind_fuse(module);
 }

@@ -1,1 +1,8 @@
-"""extract."""
+"""Stage 3, views → meshes: TSDF fusion, evidence, clean-up (paper's supplement, "Mesh extraction")."""
+
+from goc.extract.config import ExtractConfig
+from goc.extract.evidence import evidence_grid
+from goc.extract.fuse import fuse_scene
+from goc.extract.objects import extract_objects
+
+__all__ = ["ExtractConfig", "evidence_grid", "extract_objects", "fuse_scene"]

@@ -1,0 +1,72 @@
+"""What fusion needs of a frame: depth, how obliquely each pixel sees its surface, ids, colours, a pinhole."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int16, UInt8
+
+from goc import _native
+from goc.errors import ExtractError
+from goc.events import Listener, Progress
+from goc.scene import Capture, Frame
+
+_FIT_RADIUS_PX = 2
+_FIT_AGREE = 0.03
+"""Neighbours within 3 % of a pixel's depth lie on its surface, for the plane fitted there."""
+_FIT_FEWEST = 6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthView:
+    """One frame, as the kernels take it."""
+
+    depth: Float32[np.ndarray, "h w"]
+    """z, scene units; NaN = none."""
+    slope: Float32[np.ndarray, "h w"]
+    """Cosine between ray and surface normal, (0, 1]; NaN at flying pixels, which are ignored."""
+    ids: Int16[np.ndarray, "h w"] | None
+    colours: UInt8[np.ndarray, "h w 3"]
+    pinhole: Float64[np.ndarray, "16"]
+    """fx, fy, cx, cy, then the upper three rows of cam_from_world."""
+    world_from_cam: Float64[np.ndarray, "3 4"]
+
+
+def depth_view(frame: Frame) -> DepthView | None:
+    """Prepare a frame for fusion; None where it has no depth."""
+    if frame.depth is None:
+        return None
+    camera = frame.camera
+    pinhole = np.concatenate(
+        [camera.focal_px.numpy(), camera.centre_px.numpy(), camera.cam_from_world.numpy()[:3].ravel()]
+    ).astype(np.float64)
+    depth = frame.depth.numpy().astype(np.float32)
+    depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(np.nan))
+    slope = np.zeros_like(depth)
+    _native.depth_slope(depth, pinhole, _FIT_RADIUS_PX, _FIT_AGREE, _FIT_FEWEST, slope)
+    ids = None if frame.ids is None else np.ascontiguousarray(frame.ids.numpy())
+    return DepthView(
+        depth=depth,
+        slope=slope,
+        ids=ids,
+        colours=np.ascontiguousarray(frame.image.numpy()),
+        pinhole=pinhole,
+        world_from_cam=camera.world_from_cam.numpy()[:3].astype(np.float64),
+    )
+
+
+def depth_views(views: Capture, stage: str, notify: Listener) -> Iterator[DepthView]:
+    """All views that have depth, in order, reporting progress.
+
+    Raises:
+        ExtractError: no view has depth.
+    """
+    found = 0
+    for index in range(len(views)):
+        view = depth_view(views[index])
+        if view is not None:
+            found += 1
+            yield view
+        notify(Progress(stage=stage, done=index + 1, total=len(views)))
+    if not found:
+        raise ExtractError(f"None of {len(views)} views has depth: there is no surface to fuse. Render depth first.")

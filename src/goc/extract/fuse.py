@@ -1,0 +1,67 @@
+"""The scene mesh: TSDF fusion of all views (Newcombe et al. 2011) with vertex colours."""
+
+import math
+
+import numpy as np
+from jaxtyping import Float32
+
+from goc.errors import ExtractError
+from goc.events import Listener, Warned, ignore
+from goc.extract.cells import Cells, count_cells
+from goc.extract.clean import without_crumbs
+from goc.extract.config import ExtractConfig
+from goc.extract.depth import depth_views
+from goc.extract.volume import Volume, blocks_near, surface
+from goc.scene import Capture, Mesh
+
+_SCENE_CRUMB = 1e-4
+"""Share of the scene's area below which a loose piece is a floater: 1 dm² in a room."""
+
+
+def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore) -> Mesh:
+    """Mesh everything the views saw, with colours; surfaces that nobody saw stay open.
+
+    Args:
+        views: Frames with depth; their ids are not looked at.
+        config: Voxel and votes.
+        notify: Hears progress, and a warning where the scene is too large for its voxel.
+
+    Raises:
+        ExtractError: no view has depth, or no surface is left.
+    """
+    size = 2.0 * config.scene_voxel * views.unit
+    cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
+    volume = _allocate(cells, views.unit, config, notify)
+    for view in depth_views(views, "fuse scene", notify):
+        volume.add(view, wanted=None)
+    least = min(config.least_views, math.ceil(len(views) / 10))
+    distance = np.where(volume.views >= least, voted_distance(volume, config), np.float32(np.nan))
+    mesh = without_crumbs(surface(volume, distance), _SCENE_CRUMB).mesh
+    if len(mesh.faces) == 0:
+        raise ExtractError(f"Fusing {len(views)} views left no surface: depth disagrees everywhere. Check the poses.")
+    return mesh
+
+
+def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray, "b 8 8 8"]:
+    """Signed distance with the votes counted: outside where rays passed, NaN where nothing or something else is."""
+    distance = volume.distance()
+    distance = np.where(volume.empty > config.empty_votes * volume.weight, np.float32(volume.truncation), distance)
+    own = (volume.weight > 0) & (volume.other <= config.other_votes * volume.weight)
+    return np.where(own, distance, np.float32(np.nan))
+
+
+def _allocate(cells: Cells, unit: float, config: ExtractConfig, notify: Listener) -> Volume:
+    voxel, origin = config.scene_voxel * unit, np.zeros(3)
+    while True:
+        truncation = config.truncation_voxels * voxel
+        blocks = blocks_near(cells.index, cells.size, origin, voxel, truncation)
+        if len(blocks) <= config.memory_blocks:
+            break
+        voxel *= 2.0
+    if voxel > config.scene_voxel * unit:
+        message = (
+            f"The scene is too large for voxels of {config.scene_voxel} m in {config.memory_blocks} blocks: "
+            f"meshed with {voxel / unit:g} m. Raise --extract.memory-blocks for a finer mesh."
+        )
+        notify(Warned(stage="fuse scene", message=message))
+    return Volume(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)

@@ -1,0 +1,122 @@
+"""A sparse block of voxels that depth images are fused into, and the surface in it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float32, Float64, Int32
+
+from goc import _native
+from goc.extract.depth import DepthView
+from goc.scene import Mesh
+
+BLOCK = 8
+_DISTANCE, _WEIGHT, _VIEWS, _OTHER, _EMPTY, _RED = range(6)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Volume:
+    """Voxel (i, j, k) is centred at origin + voxel · (i, j, k), world; block b holds voxels 8 b … 8 b + 7."""
+
+    origin: Float64[np.ndarray, "3"]
+    voxel: float
+    truncation: float
+    blocks: Int32[np.ndarray, "b 3"]
+    sums: Float32[np.ndarray, "b 8 8 8 s"] = field(init=False)
+    """Accumulators; the one thing here that changes."""
+
+    def __post_init__(self) -> None:
+        shape = (len(self.blocks), BLOCK, BLOCK, BLOCK, _native.FUSE_SUMS)
+        object.__setattr__(self, "sums", np.zeros(shape, np.float32))
+
+    def add(self, view: DepthView, wanted: int | None) -> None:
+        """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
+        lattice = np.array([*self.origin, self.voxel, self.truncation], np.float64)
+        ids = None if wanted is None else view.ids
+        _native.fuse_view(
+            lattice, self.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
+        )
+
+    @property
+    def weight(self) -> Float32[np.ndarray, "b 8 8 8"]:
+        """Σ cos θ / z² of the rays that ended in the band, faded behind the surface."""
+        return self.sums[..., _WEIGHT]
+
+    @property
+    def views(self) -> Float32[np.ndarray, "b 8 8 8"]:
+        """Number of views whose ray ended in the band."""
+        return self.sums[..., _VIEWS]
+
+    @property
+    def other(self) -> Float32[np.ndarray, "b 8 8 8"]:
+        """The same of rays that ended on another id."""
+        return self.sums[..., _OTHER]
+
+    @property
+    def empty(self) -> Float32[np.ndarray, "b 8 8 8"]:
+        """The same of rays that passed through."""
+        return self.sums[..., _EMPTY]
+
+    def distance(self) -> Float32[np.ndarray, "b 8 8 8"]:
+        """Mean signed distance of the rays that ended in the band; NaN where none did."""
+        weight = self.weight
+        mean = self.sums[..., _DISTANCE] / np.where(weight > 0, weight, 1)
+        return np.where(weight > 0, mean, np.float32(np.nan))
+
+    def colours(self) -> Float32[np.ndarray, "b 8 8 8 3"]:
+        """Mean colour, 0 … 255; 0 where nothing was seen."""
+        weight = self.weight[..., None]
+        return self.sums[..., _RED:] / np.where(weight > 0, weight, 1)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Surface:
+    """A mesh with what the votes say of each vertex."""
+
+    mesh: Mesh
+    weight: Float32[np.ndarray, "v"]
+    """Smaller of the weights at the two voxels the vertex lies between."""
+    agreement: Float32[np.ndarray, "v"]
+    """Share of rays that support the vertex among all that reached its two voxels, 0 … 1."""
+
+
+def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
+    """Mesh the zero level of `values` (positive outside, NaN = leave open) by marching cubes on shared lattice edges."""
+    nudge = np.float32(1e-3 * volume.voxel)  # a vertex on a voxel would make triangles without area
+    values = np.where(np.abs(values) < nudge, nudge, values)
+    edges, faces = _native.isosurface(volume.blocks, values)
+    ends = values.reshape(-1)[edges].astype(np.float64)
+    share = ends[:, :1] / (ends[:, :1] - ends[:, 1:])
+
+    def between(field: np.ndarray) -> np.ndarray:
+        inner, outer = field[edges[:, 0]], field[edges[:, 1]]
+        return inner + (outer - inner) * share
+
+    block, offset = np.divmod(edges, BLOCK**3)
+    index = volume.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
+    positions = volume.origin + volume.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
+    colours = between(volume.colours().reshape(-1, 3))
+    own = volume.weight.reshape(-1)[edges]
+    against = (volume.other + volume.empty).reshape(-1)[edges]
+    return Surface(
+        mesh=Mesh(
+            vertices=positions.astype(np.float32),
+            faces=faces,
+            colours=np.clip(np.rint(colours), 0, 255).astype(np.uint8),
+        ),
+        weight=own.min(axis=1),
+        agreement=own.sum(axis=1) / np.maximum(own.sum(axis=1) + against.sum(axis=1), np.float32(1e-12)),
+    )
+
+
+def blocks_near(
+    cells: Int32[np.ndarray, "n 3"], size: float, origin: Float64[np.ndarray, "3"], voxel: float, reach: float
+) -> Int32[np.ndarray, "b 3"]:
+    """Blocks of a lattice that hold any voxel within `reach` (box norm) of the given cells of edge `size`."""
+    edge = BLOCK * voxel
+    low = np.floor((cells * size - reach - origin) / edge).astype(np.int64)
+    high = np.floor(((cells + 1) * size + reach - origin) / edge).astype(np.int64)
+    found = []
+    for step in np.ndindex(*(high - low).max(axis=0) + 1) if len(cells) else ():
+        block = low + step
+        found.append(np.unique(block[(block <= high).all(axis=1)], axis=0))
+    return np.unique(np.concatenate(found), axis=0).astype(np.int32) if found else np.zeros((0, 3), np.int32)
