@@ -31,21 +31,21 @@ void bind_losses(nb::module_& module) {
       .def(nb::init<>())
       .def(
           "__call__",
-          [](GeometryLoss& self, Plane blended, Plane alpha, Plane prior_depth, std::optional<In<kAny, kAny, 3>> normals,
-             float fx, float fy, float cx, float cy, float depth_weight, float normal_weight, PlaneOut blended_grad,
-             PlaneOut alpha_grad) {
-            const auto same = [&](const auto& a) { return a.shape(0) == blended.shape(0) && a.shape(1) == blended.shape(1); };
-            check(same(alpha) && same(prior_depth) && same(blended_grad) && same(alpha_grad) && (!normals || same(*normals)),
+          [](GeometryLoss& self, Plane numerator, Plane denominator, Plane alpha, Plane prior_depth, std::optional<In<kAny, kAny, 3>> normals,
+             float fx, float fy, float cx, float cy, float depth_weight, float normal_weight, PlaneOut numerator_grad,
+             PlaneOut denominator_grad) {
+            const auto same = [&](const auto& a) { return a.shape(0) == numerator.shape(0) && a.shape(1) == numerator.shape(1); };
+            check(same(denominator) && same(alpha) && same(prior_depth) && same(numerator_grad) && same(denominator_grad) && (!normals || same(*normals)),
                   "images must have one height and width");
-            const DepthView view{blended.data(), alpha.data(), prior_depth.data(), normals ? normals->data() : nullptr,
-                                 (int)blended.shape(1), (int)blended.shape(0), fx, fy, cx, cy};
+            const DepthView view{numerator.data(), denominator.data(), alpha.data(), prior_depth.data(), normals ? normals->data() : nullptr,
+                                 (int)numerator.shape(1), (int)numerator.shape(0), fx, fy, cx, cy};
             nb::gil_scoped_release release;
-            const GeometryLosses losses = self(view, depth_weight, normal_weight, blended_grad.data(), alpha_grad.data());
+            const GeometryLosses losses = self(view, depth_weight, normal_weight, numerator_grad.data(), denominator_grad.data());
             return std::pair(losses.depth, losses.depth_normal);
           },
-          nb::arg("blended"), nb::arg("alpha"), nb::arg("prior_depth"), nb::arg("prior_normals").none(), nb::arg("fx"),
+          nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("prior_depth"), nb::arg("prior_normals").none(), nb::arg("fx"),
           nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("depth_weight"), nb::arg("normal_weight"),
-          nb::arg("blended_grad"), nb::arg("alpha_grad"));
+          nb::arg("numerator_grad"), nb::arg("denominator_grad"));
   module.def(
       "adam",
       [](Flat x, In<kAny> grad, Flat first, Flat second, double rate, double beta1, double beta2, double epsilon,

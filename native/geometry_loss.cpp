@@ -10,7 +10,8 @@
 namespace goc {
 namespace {
 
-constexpr float kMinAlpha = 0.1f;  // below, nothing worth a depth was rendered
+constexpr float kMinAlpha = 0.1f;         // below, nothing worth a depth was rendered
+constexpr float kMinDenominator = 0.01f;  // below, planes are seen edge-on
 constexpr std::size_t kRowGrain = 16;
 
 struct Vec3 {
@@ -23,7 +24,7 @@ Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.
 }  // namespace
 
 GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weight, float normal_weight,
-                                        float* blended_grad, float* alpha_grad) {
+                                        float* numerator_grad, float* denominator_grad) {
   const int w = view.width, h = view.height;
   const std::size_t size = (std::size_t)w * h;
   const bool with_normals = view.prior_normals && normal_weight != 0.0f && w > 2 && h > 2;
@@ -40,8 +41,8 @@ GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weigh
   parallel_for(h, kRowGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * w; i < end * w; ++i) {
       // NaN where nothing was rendered: it spreads to every difference that would need the pixel.
-      const bool rendered = view.alpha[i] > kMinAlpha;
-      depth_[i] = rendered ? view.blended[i] / view.alpha[i] : std::numeric_limits<float>::quiet_NaN();
+      const bool rendered = view.alpha[i] > kMinAlpha && view.denominator[i] > kMinDenominator;
+      depth_[i] = rendered ? view.numerator[i] / view.denominator[i] : std::numeric_limits<float>::quiet_NaN();
       if (!rendered || !std::isfinite(view.prior_depth[i])) continue;
       sums_[i / w * 4] += std::fabs(depth_[i] - view.prior_depth[i]);
       sums_[i / w * 4 + 1] += 1.0;
@@ -55,7 +56,7 @@ GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weigh
         for (int x = 1; x < w - 1; ++x) {
           const std::size_t i = (std::size_t)y * w + x;
           const float* n = view.prior_normals + 3 * i;
-          if (!std::isfinite(n[0]) || !(view.alpha[i] > kMinAlpha)) continue;
+          if (!std::isfinite(n[0]) || !std::isfinite(depth_[i])) continue;
           const Vec3 right = point(x + 1, y) - point(x - 1, y), down = point(x, y + 1) - point(x, y - 1);
           const Vec3 c = cross(down, right);
           const float length = std::sqrt(dot(c, c));
@@ -82,8 +83,8 @@ GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weigh
     for (int y = (int)begin; y < (int)end; ++y)
       for (int x = 0; x < w; ++x) {
         const std::size_t i = (std::size_t)y * w + x;
-        blended_grad[i] = alpha_grad[i] = 0.0f;
-        if (!(view.alpha[i] > kMinAlpha)) continue;
+        numerator_grad[i] = denominator_grad[i] = 0.0f;
+        if (!std::isfinite(depth_[i])) continue;
         float g = 0.0f;
         const float difference = depth_[i] - view.prior_depth[i];
         if (std::isfinite(difference)) g = difference > 0 ? depth_scale : (difference < 0 ? -depth_scale : 0.0f);
@@ -98,8 +99,8 @@ GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weigh
           if (y < h - 1) add(pull_y_, i + w, -1.0f);
           g += normal_scale * dot(pull, ray(x, y));
         }
-        blended_grad[i] = g / view.alpha[i];
-        alpha_grad[i] = -g * depth_[i] / view.alpha[i];
+        numerator_grad[i] = g / view.denominator[i];
+        denominator_grad[i] = -g * depth_[i] / view.denominator[i];
       }
   });
   return {sum[0] / std::max(sum[1], 1.0), sum[2] / std::max(sum[3], 1.0)};

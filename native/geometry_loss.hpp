@@ -6,7 +6,8 @@
 namespace goc {
 
 struct DepthView {
-  const float* blended;        // Σ z α T (height, width)
+  const float* numerator;      // depth = numerator / denominator (height, width)
+  const float* denominator;
   const float* alpha;          // (height, width)
   const float* prior_depth;    // z, NaN = none
   const float* prior_normals;  // (height, width, 3) unit, camera axes, NaN = none; may be null
@@ -21,9 +22,9 @@ struct GeometryLosses {
 // Keeps its workspace between calls.
 class GeometryLoss {
  public:
-  // Fills the gradients of depth_weight·L_d + normal_weight·L_dn with respect to blended and alpha.
-  GeometryLosses operator()(const DepthView& view, float depth_weight, float normal_weight, float* blended_grad,
-                            float* alpha_grad);
+  // Fills the gradients of depth_weight·L_d + normal_weight·L_dn with respect to numerator and denominator.
+  GeometryLosses operator()(const DepthView& view, float depth_weight, float normal_weight, float* numerator_grad,
+                            float* denominator_grad);
 
  private:
   std::vector<float> depth_, pull_x_, pull_y_;  // pull: gradient of the differences along x and y, (height, width, 3)

@@ -4,10 +4,19 @@ from dataclasses import replace
 
 import pytest
 import torch
-from oracles import losses as oracle
 
-from goc.reconstruct.losses import GeometryPrior, geometry_loss, identity_loss, photometric_loss
+from goc.geometry.rays import pixel_rays
+from goc.reconstruct.losses import (
+    GeometryPrior,
+    RenderedDepth,
+    expected_depth,
+    geometry_loss,
+    identity_loss,
+    photometric_loss,
+    planes_depth,
+)
 from goc.scene import Camera
+from oracles import losses as oracle
 
 
 def camera(width: int = 23, height: int = 17) -> Camera:
@@ -52,15 +61,15 @@ def test_photometric_loss_of_equal_images_is_zero():
 
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.0, 1.0), (0.3, 0.1)])
 def test_geometry_loss_and_gradient_match_the_definition(weights):
-    blended, alpha, prior = random_view(2)
-    fast = [blended.clone().requires_grad_(), alpha.clone().requires_grad_()]
-    slow = [blended.double().requires_grad_(), alpha.double().requires_grad_()]
-    loss = geometry_loss(*fast, prior, camera(), *weights)
+    numerator, denominator, prior = random_view(2)
+    alpha = torch.rand(17, 23) * 0.8 + 0.2
+    fast = [numerator.clone().requires_grad_(), denominator.clone().requires_grad_()]
+    slow = [numerator.double().requires_grad_(), denominator.double().requires_grad_()]
+    rendered = RenderedDepth(numerator=fast[0], denominator=fast[1], alpha=alpha)
+    loss = geometry_loss(rendered, prior, camera(), *weights)
     depth = slow[0] / slow[1]
     expected = weights[0] * oracle.depth_loss(depth, prior.depth.double())
-    expected = expected + weights[1] * oracle.depth_normal_loss(
-        depth, prior.normals.double(), slow[1].detach(), camera()
-    )
+    expected = expected + weights[1] * oracle.depth_normal_loss(depth, prior.normals.double(), alpha.double(), camera())
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
@@ -68,11 +77,24 @@ def test_geometry_loss_and_gradient_match_the_definition(weights):
         assert torch.allclose(a.grad.double(), b.grad, atol=1e-5 * b.grad.abs().max().item())
 
 
+def test_plane_depth_of_a_slanted_plane_is_exact_where_expected_depth_is_of_its_centre():
+    normal = torch.nn.functional.normalize(torch.tensor([0.4, 0.1, -1.0]), dim=0)
+    rays, alpha = pixel_rays(camera()), torch.full((17, 23), 0.7)
+    truth = -2.0 / (rays @ normal)
+    blended = torch.cat([normal.expand(17, 23, 3), torch.full((17, 23, 1), -2.0)], -1) * alpha[..., None]
+    planes = planes_depth(blended, alpha, rays)
+    assert torch.allclose(planes.numerator / planes.denominator, truth, rtol=1e-5)
+    centre = expected_depth(2.2 * alpha, alpha)
+    assert torch.allclose(centre.numerator / centre.denominator, torch.full((17, 23), 2.2))
+
+
 def test_depth_normal_loss_spans_agreement_to_opposition():
     depth, alpha = torch.full((17, 23), 2.0), torch.ones(17, 23)
     facing = torch.tensor([0.0, 0.0, -1.0]).expand(17, 23, 3)
     for normals, expected in ((facing, 0.0), (-facing, 2.0)):
-        loss = geometry_loss(depth, alpha, GeometryPrior(depth=depth, normals=normals), camera(), 0.0, 1.0)
+        loss = geometry_loss(
+            expected_depth(depth, alpha), GeometryPrior(depth=depth, normals=normals), camera(), 0.0, 1.0
+        )
         assert loss.item() == pytest.approx(expected, abs=1e-6)
 
 
@@ -81,9 +103,11 @@ def test_pixels_that_show_nothing_do_not_count():
     alpha = torch.ones(17, 23)
     alpha[:, :11] = 0.05
     prior = GeometryPrior(depth=depth + 0.5, normals=None)
-    assert geometry_loss(depth * alpha, alpha, prior, camera(), 1.0, 0.0).item() == pytest.approx(0.5, rel=1e-5)
+    assert geometry_loss(expected_depth(depth * alpha, alpha), prior, camera(), 1.0, 0.0).item() == pytest.approx(
+        0.5, rel=1e-5
+    )
     nothing = replace(prior, depth=torch.full((17, 23), torch.nan))
-    assert geometry_loss(depth * alpha, alpha, nothing, camera(), 1.0, 1.0).item() == 0.0
+    assert geometry_loss(expected_depth(depth * alpha, alpha), nothing, camera(), 1.0, 1.0).item() == 0.0
 
 
 def test_identity_loss_ignores_unlabelled_pixels():

@@ -50,63 +50,72 @@ class GeometryPrior:
     """Unit, camera axes, facing the camera; NaN = none."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderedDepth:
+    """A rendered depth as a fraction of blended channels, both differentiable."""
+
+    numerator: Float[Tensor, "h w"]
+    denominator: Float[Tensor, "h w"]
+    """Positive where there is a depth."""
+    alpha: Float[Tensor, "h w"]
+    """Accumulated opacity."""
+
+
+def expected_depth(blended: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -> RenderedDepth:
+    """Depth of the splats' centres, Eq. (2): Σ z α T / alpha. On slanted surfaces it is biased towards the camera."""
+    return RenderedDepth(numerator=blended, denominator=alpha, alpha=alpha)
+
+
+def planes_depth(
+    blended: Float[Tensor, "h w 4"], alpha: Float[Tensor, "h w"], rays: Float[Tensor, "h w 3"]
+) -> RenderedDepth:
+    """Depth of the splats' planes, D / (N·K⁻¹p), from blended `plane_channels`; negated so that both are positive."""
+    return RenderedDepth(numerator=-blended[..., 3], denominator=-(blended[..., :3] * rays).sum(-1), alpha=alpha)
+
+
 def geometry_loss(
-    blended: Float[Tensor, "h w"],
-    alpha: Float[Tensor, "h w"],
-    prior: GeometryPrior,
-    camera: Camera,
-    depth_weight: float,
-    normal_weight: float,
+    depth: RenderedDepth, prior: GeometryPrior, camera: Camera, depth_weight: float, normal_weight: float
 ) -> Float[Tensor, ""]:
-    """λ_d·L_d + λ_dn·L_dn, Eq. (3) and (4), of the rendered depth D = blended / alpha, Eq. (2).
+    """λ_d·L_d + λ_dn·L_dn, Eq. (3) and (4), of a rendered depth D.
 
     L_d is the mean |D - D̂| over pixels with a prior. L_dn is the mean of alpha·(1 - N_d·N̂) over pixels with a prior,
     where N_d is the cross product of central differences of the back-projected D; alpha only weighs there, no gradient
-    reaches it that way. Pixels with alpha ≤ 0.1 show nothing and do not count. Twin: tests/oracles/losses.py.
+    reaches it. Pixels with alpha ≤ 0.1 show nothing and do not count. Twin: tests/oracles/losses.py.
 
     Args:
-        blended: Σ z α T, a rendered channel.
-        alpha: accumulated opacity.
+        depth: D, by either definition.
         prior: depth and normals to compare with.
         camera: the view.
         depth_weight: λ_d, per scene unit.
         normal_weight: λ_dn.
     """
-    return _Geometry.apply(blended, alpha, prior, camera, depth_weight, normal_weight)
+    return _Geometry.apply(depth.numerator, depth.denominator, depth.alpha, prior, camera, depth_weight, normal_weight)
 
 
 class _Geometry(torch.autograd.Function):
     @staticmethod
     def forward(
         ctx: Any,
-        blended: Tensor,
+        numerator: Tensor,
+        denominator: Tensor,
         alpha: Tensor,
         prior: GeometryPrior,
         camera: Camera,
         depth_weight: float,
         normal_weight: float,
     ) -> Tensor:
-        gradients = torch.empty(2, *blended.shape)
-        focal, centre = camera.focal_px.tolist(), camera.centre_px.tolist()
+        gradients = torch.empty(2, *numerator.shape)
+        images = (image.detach().contiguous() for image in (numerator, denominator, alpha, prior.depth))
         normals = None if prior.normals is None or not normal_weight else prior.normals.contiguous()
-        depth, depth_normal = _geometry(
-            blended.detach().contiguous(),
-            alpha.detach().contiguous(),
-            prior.depth.contiguous(),
-            normals,
-            *focal,
-            *centre,
-            depth_weight,
-            normal_weight,
-            *gradients,
-        )
+        lens = (*camera.focal_px.tolist(), *camera.centre_px.tolist())
+        depth, depth_normal = _geometry(*images, normals, *lens, depth_weight, normal_weight, *gradients)
         ctx.save_for_backward(gradients)
         return torch.tensor(depth_weight * depth + normal_weight * depth_normal, dtype=torch.float32)
 
     @staticmethod
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         (gradients,) = ctx.saved_tensors
-        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None
+        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None, None
 
 
 def identity_loss(logits: Float[Tensor, "p k"], classes: Int16[Tensor, "p"]) -> Float[Tensor, ""]:

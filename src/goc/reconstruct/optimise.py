@@ -14,10 +14,18 @@ from torch import Tensor
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress
 from goc.geometry.harmonics import colours_towards
-from goc.raster import centre_depths, rasterize
+from goc.geometry.rays import pixel_rays
+from goc.raster import centre_depths, plane_channels, rasterize
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import classify
-from goc.reconstruct.losses import GeometryPrior, geometry_loss, identity_loss, photometric_loss
+from goc.reconstruct.losses import (
+    GeometryPrior,
+    expected_depth,
+    geometry_loss,
+    identity_loss,
+    photometric_loss,
+    planes_depth,
+)
 from goc.reconstruct.mcmc import draw, exploration, relocated
 from goc.reconstruct.state import State, load_checkpoint, save_checkpoint
 from goc.scene.capture import Capture, Frame
@@ -113,22 +121,26 @@ def _loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], float
     """Eq. (6) of one view, and its PSNR in dB."""
     frame = task.capture[view]
     weights, camera, gaussians = task.config.losses, frame.camera, state.gaussians()
+    planes = task.config.depth == "plane"
     channels = [
         colours_towards(gaussians.sh, gaussians.means, camera.position),
-        centre_depths(gaussians, camera)[:, None],
+        plane_channels(gaussians, camera) if planes else centre_depths(gaussians, camera)[:, None],
     ]
     if gaussians.identity is not None:
         channels.append(gaussians.identity)
-    image, alpha = rasterize(gaussians, camera, torch.cat(channels, -1))
+    blended, alpha = rasterize(gaussians, camera, torch.cat(channels, -1))
+    image, geometry, features = blended.split(
+        [3, channels[1].shape[1], blended.shape[-1] - 3 - channels[1].shape[1]], -1
+    )
     target = frame.image.float() / 255.0
-    loss = photometric_loss(image[..., :3], target, weights.ssim)
+    loss = photometric_loss(image, target, weights.ssim)
     prior = task.prior(view)
     if prior is not None and (weights.depth or weights.depth_normal):
-        depth_weight = weights.depth / task.capture.unit
-        loss = loss + geometry_loss(image[..., 3], alpha, prior, camera, depth_weight, weights.depth_normal)
+        depth = planes_depth(geometry, alpha, pixel_rays(camera)) if planes else expected_depth(geometry[..., 0], alpha)
+        loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
     if gaussians.identity is not None and frame.ids is not None and weights.identity:
-        loss = loss + weights.identity * _identity_loss(task, state, image[..., 4:], frame)
-    error = (image[..., :3].detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
+        loss = loss + weights.identity * _identity_loss(task, state, features[0], frame)
+    error = (image.detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
     return loss, -10.0 * math.log10(error.item())
 
 
