@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import pytest
 import torch
-from oracles import losses as oracle
 
 from goc.reconstruct.losses import GeometryPrior, geometry_loss, identity_loss, photometric_loss
 from goc.scene import Camera
+from oracles import losses as oracle
 
 
 def camera(width: int = 23, height: int = 17) -> Camera:

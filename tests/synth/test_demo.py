@@ -3,8 +3,10 @@ import json
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 from goc import _native
+from goc.capture.load import load_capture
 from goc.errors import ConfigError, ExportError
 from goc.events import Progress
 from goc.files.images import read_depth, read_ids, read_image
@@ -84,6 +86,44 @@ def test_points_of_one_view_never_hide_behind_what_another_view_saw_through(view
         ids = views[a].ids.ravel()[inside]
         if same.sum() > 100:
             assert (views[b].ids[index] == ids)[same].mean() > 0.9  # at contacts a neighbour is as near
+
+
+def test_the_capture_reader_takes_the_folder_as_it_is(demo_capture, demo_config, views):
+    capture = load_capture(demo_capture[0])
+    assert len(capture) == demo_config.views and capture.has_depth and capture.has_ids and capture.metric
+    assert capture.labels[1] == "sofa"
+    frame = capture[3]
+    np.testing.assert_allclose(frame.camera.world_from_cam.numpy(), views[3].pose, atol=1e-6)
+    np.testing.assert_array_equal(frame.ids.numpy(), views[3].ids)
+    np.testing.assert_allclose(frame.depth.numpy(), views[3].depth, atol=1e-6)
+
+
+def test_true_samples_are_the_open_surface_of_the_meshes(demo_capture, demo_config, truth):
+    folder, _ = demo_capture
+    vertices, faces, owner = truth
+    with np.load(folder / "gt" / "points.npz") as archive:
+        samples = dict(archive)
+    assert len(samples) == 2 * demo_config.objects + 1
+    rng = np.random.default_rng(0)
+    for key in (1, 8):  # the sofa, whose cushions overlap, and the books, which lie on each other
+        own = faces[owner == key]
+        chosen = rng.choice(30_000, 25, replace=False)
+        points, normals = samples[f"p{key}"][chosen], samples[f"n{key}"][chosen]
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1, atol=1e-5)
+        down, _ = oracle.closest_hits(vertices, own, points + 1e-3 * normals, -normals.astype(np.float64))
+        assert (np.abs(down - 1e-3) < 2e-4).mean() > 0.9  # at a join, another part may lie between
+
+
+def test_seen_samples_are_what_the_views_measured(demo_capture, views):
+    with np.load(demo_capture[0] / "gt" / "points.npz") as archive:
+        seen = archive["seen"]
+    assert len(seen) <= 250_000 and set(np.unique(seen[:, 6])) >= {0.0, 1.0, 2.0}
+    tree = cKDTree(np.concatenate([view.points() for view in views]))
+    chosen = np.random.default_rng(0).choice(len(seen), 500, replace=False)
+    near, _ = tree.query(seen[chosen, :3])
+    assert (near < 0.12).mean() > 0.95  # pixels of this small capture are up to 8 cm apart on far walls
+    other, _ = cKDTree(seen[:, :3]).query(views[0].points())
+    assert (other < 0.04).mean() > 0.97
 
 
 def test_images_look_lit(views):
