@@ -23,7 +23,9 @@ void fill_fractal_noise(Points points, Lattice lattice, int octaves, Values valu
   if (octaves < 1 || octaves > 16) throw std::invalid_argument("fractal_noise: needs 1 to 16 octaves");
   for (std::size_t i = 0; i < 3 * points.shape(0); ++i) {
     // Beyond this, floor() would not fit an integer.
-    if (!(std::abs(points.data()[i]) < 1e12)) throw std::invalid_argument("fractal_noise: a point is not finite or too far");
+    if (!(std::abs(points.data()[i]) < 1e12)) {
+      throw std::invalid_argument("fractal_noise: a point is not finite or too far");
+    }
   }
   nb::gil_scoped_release release;
   fractal_noise(points.data(), points.shape(0), lattice.data(), octaves, values.data());

@@ -1,6 +1,7 @@
 // Four-wide binned-SAH hierarchy (Wald 2007) and the watertight ray-triangle test of Woop, Benthin and Wald (2013), in
-// double precision; boxes are tested in single precision, widened by the rounding error. CMakeLists.txt compiles this file without floating-point contraction: two triangles that share an edge
-// must compute the same edge function up to its sign, or a ray could slip between them.
+// double precision; boxes are tested in single precision, widened by the rounding error. CMakeLists.txt compiles this
+// file without floating-point contraction: two triangles that share an edge must compute the same edge function up to
+// its sign, or a ray could slip between them.
 #include "raycast.hpp"
 
 #include <algorithm>

@@ -1,1 +1,1 @@
-"""synth."""
+"""Makes captures with complete ground truth: furnished rooms, cameras, ray-cast images."""

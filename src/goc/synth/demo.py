@@ -1,5 +1,6 @@
 """The demo capture: a furnished room, photographed on the fly, written as a nerfstudio folder with ground truth."""
 
+import io
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +9,7 @@ import numpy as np
 
 from goc.errors import ConfigError, ExportError
 from goc.events import Listener, Progress, ignore
+from goc.files.atomic import write_bytes
 from goc.files.documents import write_json
 from goc.files.images import write_depth, write_ids, write_png
 from goc.files.meshes import write_mesh
@@ -18,6 +20,7 @@ from goc.synth.model import mesh_of
 from goc.synth.render import View, render_view
 from goc.synth.room import Room, furnish_room
 from goc.synth.surfaces import gather_surfaces
+from goc.synth.truth import true_samples
 
 _STAGE = "synth"
 # y and z of camera axes change their signs between OpenCV (goc) and OpenGL (nerfstudio).
@@ -61,7 +64,8 @@ def make_demo_capture(folder: Path, config: RoomConfig, notify: Listener = ignor
 
     Layout: transforms.json (nerfstudio, OpenGL camera axes, z up, metres), images/*.png, depth/*.png (16 bits,
     millimetres along the optical axis), instance/*.png (8 bits, 0 = room), labels.json (id → name),
-    gt/objects/<id>.ply and gt/room.ply (complete meshes in the world).
+    gt/objects/<id>.ply and gt/room.ply (complete meshes in the world), gt/points.npz (samples of them, see
+    true_samples).
 
     Args:
         folder: new or empty.
@@ -83,6 +87,7 @@ def make_demo_capture(folder: Path, config: RoomConfig, notify: Listener = ignor
     cameras = camera_path(room, surfaces.scene, config.views, config.width, config.height, config.seed)
     lit = bake(surfaces, room.lights)
     _write_truth(folder, room)
+    _write_samples(folder, true_samples(room, surfaces.scene, cameras, config.seed))
     # Two views at once: while one is in numpy, which uses one core, the other casts rays.
     with ThreadPoolExecutor(2) as pool:
         views = pool.map(lambda camera: render_view(lit, camera, config.samples), cameras)
@@ -99,6 +104,12 @@ def _write_truth(folder: Path, room: Room) -> None:
         write_mesh(folder / "gt" / "objects" / f"{key}.ply", mesh_of(model))
     names = {0: "room"} | {key: model.name for key, model in room.objects.items()}
     write_json(folder / "labels.json", {str(key): name for key, name in names.items()})
+
+
+def _write_samples(folder: Path, samples: dict[str, np.ndarray]) -> None:
+    archive = io.BytesIO()
+    np.savez(archive, **samples)
+    write_bytes(folder / "gt" / "points.npz", archive.getvalue())
 
 
 def _write_view(folder: Path, index: int, view: View) -> None:

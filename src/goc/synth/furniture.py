@@ -67,7 +67,7 @@ def coffee_table(rng: Rng, style: Style) -> Model:
     parts += _four_legs(width - 0.14, depth - 0.14, height - 0.03, (0.018, 0.026), style.timber(2))
     shelf = part(prism(rounded_rectangle(width - 0.15, depth - 0.15, 0.03), 0.018, 0.003), wood, 2, smooth=False)
     parts.append(placed(shelf, z=0.13))
-    top = Top(x=0, y=0, z=height, width=width - 0.08, depth=depth - 0.08)
+    top = Top(x=0.0, y=0.0, z=height, width=width - 0.08, depth=depth - 0.08)
     return Model(name="coffee table", parts=tuple(parts), tops=(top,))
 
 
@@ -82,7 +82,9 @@ def dining_table(rng: Rng, style: Style) -> Model:
             part(cylinder(0.25, 0.03, 0.01, 40), METAL),
         ]
         side = radius * 1.25
-        return Model(name="round table", parts=tuple(parts), tops=(Top(x=0, y=0, z=height, width=side, depth=side),))
+        return Model(
+            name="round table", parts=tuple(parts), tops=(Top(x=0.0, y=0.0, z=height, width=side, depth=side),)
+        )
     width, depth = float(rng.uniform(0.95, 1.15)), float(rng.uniform(0.65, 0.75))
     wood = style.timber(0, second=True)
     parts = [placed(part(rounded_box((width, depth, 0.032), 0.004), wood, smooth=False), z=height - 0.032)]
@@ -90,7 +92,7 @@ def dining_table(rng: Rng, style: Style) -> Model:
     for side in (-1, 1):
         rail = part(rounded_box((width - 0.12, 0.02, 0.07), 0.002), wood, side, smooth=False)
         parts.append(placed(rail, 0, side * (depth / 2 - 0.05), height - 0.1))
-    top = Top(x=0, y=0, z=height, width=width - 0.08, depth=depth - 0.08)
+    top = Top(x=0.0, y=0.0, z=height, width=width - 0.08, depth=depth - 0.08)
     return Model(name="table", parts=tuple(parts), tops=(top,))
 
 
@@ -175,7 +177,7 @@ def sideboard(rng: Rng, style: Style) -> Model:
         parts.append(placed(panel, x, -depth / 2 + 0.015, leg + 0.025))
         knob = tilted(part(cylinder(0.011, 0.024), METAL), "x", np.pi / 2)
         parts.append(placed(knob, x + (each / 2 - 0.07) * (1 if i % 2 == 0 else -1), -depth / 2 + 0.008, leg + 0.26))
-    top = Top(x=0, y=0.01, z=height, width=width - 0.1, depth=depth - 0.1)
+    top = Top(x=0.0, y=0.01, z=height, width=width - 0.1, depth=depth - 0.1)
     return Model(name="sideboard", parts=tuple(parts), tops=(top,))
 
 

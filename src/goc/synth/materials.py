@@ -4,7 +4,7 @@ Colours are linear reflectances in [0, 1].
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -28,6 +28,7 @@ class Look:
     """Share of a light that the surface mirrors, 0 = matt."""
 
 
+@runtime_checkable
 class Material(Protocol):
     """Looks by place, metres in the object's frame."""
 

@@ -60,13 +60,13 @@ class Model:
         return points.min(0), points.max(0)
 
 
-def part(solid: Solid, material: Material, variant: float = 0.0, smooth: bool = True) -> Part:
+def part(solid: Solid, material: Material, variant: int = 0, smooth: bool = True) -> Part:
     """A solid made of a material; `variant` shifts the pattern, so that two boards are not twins."""
     shift = variant * np.array([1.37, 2.11, 1.73])
     return Part(solid=solid, material=material, texture=solid.vertices + shift, smooth=smooth)
 
 
-def placed(item: Part, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Part:
+def placed(item: Part, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> Part:
     """The part, shifted; its pattern goes along."""
     return replace(item, solid=item.solid.moved(x, y, z))
 

@@ -13,7 +13,7 @@ class Solid:
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "t 3"]
 
-    def moved(self, x: float = 0.0, y: float = 0.0, z: float = 0.0) -> "Solid":
+    def moved(self, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> "Solid":
         """The solid, shifted."""
         return Solid(vertices=self.vertices + np.array([x, y, z]), faces=self.faces)
 
@@ -84,7 +84,7 @@ def lathe(profile: Float[np.ndarray, "k 2"], segments: int = 32) -> Solid:
     return Solid(vertices=vertices, faces=_ring_faces(len(rings), segments))
 
 
-def smooth_profile(points: list[tuple[float, float]], steps: int = 5) -> Float[np.ndarray, "k 2"]:
+def smooth_profile(points: list[tuple[float | int, float | int]], steps: int = 5) -> Float[np.ndarray, "k 2"]:
     """A Catmull-Rom curve through (radius, z) points, `steps` pieces between two of them; radii stay positive."""
     given = np.array(points)
     padded = np.concatenate([2 * given[:1] - given[1:2], given, 2 * given[-1:] - given[-2:-1]])

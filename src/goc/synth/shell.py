@@ -1,7 +1,7 @@
 """The room itself: floor, walls, ceiling, and what is painted on them (window, door, pictures, rug, skirting)."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -17,6 +17,7 @@ FLOOR, CEILING = 4, 5
 """Sides of the room; 0…3 are the walls at +x, +y, -x, -y."""
 
 
+@runtime_checkable
 class Art(Protocol):
     """What is painted on a panel."""
 

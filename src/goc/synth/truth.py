@@ -1,0 +1,123 @@
+"""Samples of the true surfaces, in the layout that goc.evaluation judges by."""
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32
+
+from goc.geometry.raycast import TriangleScene
+from goc.scene import Camera
+from goc.synth.model import Model, Part
+from goc.synth.room import Room
+from goc.synth.vectors import dot, length
+
+SKIN_SAMPLES = 30_000
+SEEN_SAMPLES = 250_000
+_POOL = 450_000
+"""Candidates for them, on all surfaces."""
+_SKIN_OFFSET = 1e-4
+"""Metres above a part's surface at which it is looked whether another part covers it."""
+
+Samples = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]
+"""Points and unit normals."""
+
+
+def true_samples(
+    room: Room, scene: TriangleScene, cameras: tuple[Camera, ...], seed: int
+) -> dict[str, Float32[np.ndarray, "..."]]:
+    """What is compared with a reconstruction.
+
+    Returns:
+        `p<id>`, `n<id>`: 30,000 area-uniform points of each object's outer skin and their normals; where parts of an
+        object touch or overlap, their covered surface is left out. `seen`: up to 250,000 area-uniform points of
+        everything that some camera saw, rows x y z nx ny nz id.
+    """
+    rng = np.random.default_rng([seed, 2])
+    arrays: dict[str, np.ndarray] = {}
+    density = _POOL / (_area(room.shell.parts) + sum(_area(model.parts) for model in room.objects.values()))
+    pool = [_with_id(_sampled(room.shell.parts, round(density * _area(room.shell.parts)), rng), 0)]
+    for key, model in room.objects.items():
+        skin, share = _skin(model, SKIN_SAMPLES, rng)
+        arrays[f"p{key}"], arrays[f"n{key}"] = (values.astype(np.float32) for values in skin)
+        wanted = round(density * share * _area(model.parts))
+        pool.append(_with_id(_skin(model, wanted, rng)[0], key))
+    rows = rng.permutation(np.concatenate(pool))
+    points, normals = np.ascontiguousarray(rows[:, :3]), np.ascontiguousarray(rows[:, 3:6])
+    arrays["seen"] = rows[_seen(points, normals, scene, cameras)][:SEEN_SAMPLES].astype(np.float32)
+    return arrays
+
+
+def _with_id(samples: Samples, key: int) -> Float[np.ndarray, "n 7"]:
+    return np.concatenate([*samples, np.full((len(samples[0]), 1), float(key))], -1)
+
+
+def _area(parts: tuple[Part, ...]) -> float:
+    return float(sum(_face_areas(item).sum() for item in parts))
+
+
+def _face_areas(item: Part) -> Float[np.ndarray, "t"]:
+    a, b, c = (item.solid.vertices[item.solid.faces[:, i]] for i in range(3))
+    return 0.5 * length(np.cross(b - a, c - a))
+
+
+def _sampled(parts: tuple[Part, ...], count: int, rng: np.random.Generator) -> Samples:
+    """Area-uniform points on all parts, covered ones included."""
+    corners = np.concatenate([item.solid.vertices[item.solid.faces] for item in parts])
+    areas = np.concatenate([_face_areas(item) for item in parts])
+    face = rng.choice(len(areas), count, p=areas / areas.sum())
+    first, second = rng.random((2, count, 1))
+    root = np.sqrt(first)
+    a, b, c = (corners[face, i] for i in range(3))
+    points = (1 - root) * a + root * (1 - second) * b + root * second * c
+    return points, np.cross(b - a, c - a) / (2 * areas[face])[:, None]
+
+
+def _skin(model: Model, count: int, rng: np.random.Generator) -> tuple[Samples, float]:
+    """That many points that no other part covers, and which share of all surface is not covered."""
+    scenes = [TriangleScene(item.solid.vertices.astype(np.float32), item.solid.faces) for item in model.parts]
+    points, normals = np.zeros((0, 3)), np.zeros((0, 3))
+    drawn = 0
+    while len(points) < count:
+        more, facing = _sampled(model.parts, count, rng)
+        drawn += count
+        open_air = ~_covered(model.parts, scenes, more + _SKIN_OFFSET * facing)
+        points, normals = np.concatenate([points, more[open_air]]), np.concatenate([normals, facing[open_air]])
+    return (points[:count], normals[:count]), len(points) / drawn
+
+
+def _covered(
+    parts: tuple[Part, ...], scenes: list[TriangleScene], points: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, "n"]:
+    """Whether each point lies inside some closed part: then the first surface above it is seen from behind."""
+    covered = np.zeros(len(points), bool)
+    for item, scene in zip(parts, scenes, strict=True):
+        low, high = item.solid.vertices.min(0), item.solid.vertices.max(0)
+        near = np.flatnonzero(((points >= low) & (points <= high)).all(-1))
+        upward = np.broadcast_to(np.array([0.0123, 0.0217, 1.0]), (len(near), 3))  # askew: no ray along an edge
+        hits = scene.closest_hit(points[near], upward)
+        a, b, c = (scene.vertices[scene.faces[hits.triangle, i]] for i in range(3))
+        covered[near] |= hits.found & (dot(np.cross(b - a, c - a), upward) > 0)
+    return covered
+
+
+def _seen(
+    points: Float[np.ndarray, "n 3"],
+    normals: Float[np.ndarray, "n 3"],
+    scene: TriangleScene,
+    cameras: tuple[Camera, ...],
+) -> Bool[np.ndarray, "n"]:
+    """Whether each point lies inside the image of some camera that it faces, with nothing before it."""
+    seen = np.zeros(len(points), bool)
+    for camera in cameras:
+        left = np.flatnonzero(~seen)
+        pose = camera.world_from_cam.double().numpy()
+        path = points[left] - pose[:3, 3]
+        x, y, z = np.einsum("ij,jk->ki", path, pose[:3, :3])
+        focal, centre = camera.focal_px.double().numpy(), camera.centre_px.double().numpy()
+        ahead = np.maximum(z, 1e-6)
+        u, v = focal[0] * x / ahead + centre[0], focal[1] * y / ahead + centre[1]
+        inside = (z > 0) & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+        chosen = np.flatnonzero(inside & (dot(path, normals[left]) < 0))
+        origins = np.broadcast_to(pose[:3, 3], (len(chosen), 3))
+        # Up to a thousandth before the point itself: parts that touch lie nearer than that to it.
+        blocked = scene.occluded(origins, path[chosen], 1 - 1e-3)
+        seen[left[chosen[~blocked]]] = True
+    return seen
