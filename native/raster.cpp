@@ -188,18 +188,22 @@ void Raster::backward(const SplatArrays& splats, const float* channels, const fl
       }
     }
   });
-  // A splat's gradient is the sum over its records, in the order in which it was binned.
-  parallel_for(by_depth_.size(), kSplatGrain / 4, [&](std::size_t begin, std::size_t end) {
+  // A splat's gradient is the sum over its records, in the order in which it was binned. Splats are taken as they are
+  // stored: neighbours in memory tend to be neighbours in space, and then share tiles and cache lines.
+  rank_.assign(splats.size, kNoRecord);
+  for (std::size_t k = 0; k < by_depth_.size(); ++k) rank_[by_depth_[k]] = (std::uint32_t)k;
+  parallel_for(splats.size, kSplatGrain / 4, [&](std::size_t begin, std::size_t end) {
     float* sum = scratch(stride);
-    for (std::size_t k = begin; k < end; ++k) {
-      const std::uint32_t i = by_depth_[k];
+    for (std::size_t i = begin; i < end; ++i) {
+      const std::uint32_t k = rank_[i];
+      if (k == kNoRecord) continue;
       std::fill(sum, sum + stride, 0.0f);
       for (std::size_t c = candidate_begin_[k]; c < candidate_begin_[k + 1]; ++c) {
         if (candidates_[c].record == kNoRecord) continue;
         const float* from = grads_.data() + (std::size_t)candidates_[c].record * stride;
         for (int j = 0; j < stride; ++j) sum[j] += from[j];
       }
-      std::copy(sum + kGeometry, sum + stride, channels_grad + (std::size_t)i * channel_count_);
+      std::copy(sum + kGeometry, sum + stride, channels_grad + i * channel_count_);
       if (out) project_backward(splats, i, camera_, splats_[i], sum, *out);
     }
   });

@@ -63,6 +63,7 @@ class Raster {
   struct Box { std::int16_t x0, y0, x1, y1; };  // tiles, end excluded; empty when the splat is not visible
   std::vector<Box> boxes_;
   std::vector<std::uint32_t> by_depth_;  // visible splats, near to far
+  std::vector<std::uint32_t> rank_;      // of each splat in by_depth_
   std::vector<std::uint64_t> keys_, keys_scratch_;
   std::vector<std::size_t> candidate_begin_;            // of by_depth_[k]
   std::vector<Candidate> candidates_;

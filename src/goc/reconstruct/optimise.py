@@ -33,6 +33,9 @@ from goc.scene.capture import Capture, Frame
 _IDENTITY_PIXELS = 16_384
 """Pixels a step whose features are classified: all of them would make the MLP dearer than the view."""
 
+_EXPLORING = 0.1
+"""Splats more opaque than this would move by less than 1e-4 of what a transparent one does: they are left alone."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Task:
@@ -181,9 +184,9 @@ def _move(task: Task, state: State) -> None:
         _grow(state, min(mcmc.max_splats, round(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
     strength = mcmc.noise * _rates(task, step)["means"]
-    if strength:
-        noise = exploration(p["log_scales"], p["quats"], p["opacity_logits"].sigmoid(), strength, generator)
-        p["means"] += noise
+    opacities = p["opacity_logits"].sigmoid()
+    rows = torch.nonzero(opacities < _EXPLORING)[:, 0]
+    p["means"][rows] += exploration(p["log_scales"][rows], p["quats"][rows], opacities[rows], strength, generator)
 
 
 def _relocate(state: State, min_opacity: float, generator: torch.Generator) -> None:
