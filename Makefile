@@ -22,7 +22,7 @@ test: $(VENV)/.installed-test
 native:
 	cmake -S . -B build/dev -G Ninja -DCMAKE_BUILD_TYPE=Release -DPython_EXECUTABLE=$$(command -v python)
 	cmake --build build/dev
-	cp build/dev/_native*.so src/goc/
+	cp --remove-destination build/dev/_native*.so src/goc/
 
 clean:
 	rm -rf build $(VENV) src/goc/_native*.so

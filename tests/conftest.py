@@ -4,6 +4,9 @@ import os
 from pathlib import Path
 
 import pytest
+import torch
+
+torch.set_num_threads(1)  # its threads spin, and fight the native pool on a busy machine
 
 
 @pytest.fixture(scope="session")

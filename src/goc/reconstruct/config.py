@@ -10,8 +10,8 @@ class LossWeights:
 
     ssim: float = 0.2
     """Share of 1 - SSIM in the photometric loss L_c; the rest is L1."""
-    depth: float = 0.3
-    """L_d, Eq. (3): rendered against given depth."""
+    depth: float = 1.0
+    """L_d, Eq. (3): rendered against given depth, per metre. The paper has 0.3 (preset paper)."""
     depth_normal: float = 0.1
     """L_dn, Eq. (4): normals of the rendered depth against those of the given depth."""
     identity: float = 0.1
@@ -52,7 +52,7 @@ class Mcmc:
     """First relocation, as a share of all steps."""
     stop: float = 0.8
     """No relocation and no noise after this share of all steps."""
-    growth: float = 0.05
+    growth: float = 0.15
     """New splats a relocation, as a share of those there are."""
     min_opacity: float = 0.005
     """Splats below are dead and move to where live ones are."""

@@ -132,9 +132,7 @@ def _loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], float
     if gaussians.identity is not None:
         channels.append(gaussians.identity)
     blended, alpha = rasterize(gaussians, camera, torch.cat(channels, -1))
-    image, geometry, features = blended.split(
-        [3, channels[1].shape[1], blended.shape[-1] - 3 - channels[1].shape[1]], -1
-    )
+    image, geometry, *features = blended.split([part.shape[1] for part in channels], -1)
     target = frame.image.float() / 255.0
     loss = photometric_loss(image, target, weights.ssim)
     prior = task.prior(view)
@@ -181,7 +179,7 @@ def _move(task: Task, state: State) -> None:
     generator = _generator(config, 2, step)
     if (step + 1) % mcmc.every == 0:
         _relocate(state, mcmc.min_opacity, generator)
-        _grow(state, min(mcmc.max_splats, round(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
+        _grow(state, min(mcmc.max_splats, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
     strength = mcmc.noise * _rates(task, step)["means"]
     opacities = p["opacity_logits"].sigmoid()

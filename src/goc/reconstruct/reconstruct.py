@@ -2,6 +2,8 @@
 
 import math
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import torch
@@ -43,6 +45,24 @@ def reconstruct(
     Raises:
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
     """
+    with _one_torch_thread():
+        return _reconstruct(capture, config, notify, checkpoint, resume)
+
+
+@contextmanager
+def _one_torch_thread() -> Iterator[None]:
+    """Leave the cores to the native kernels: PyTorch's own threads spin between its many small operations."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
+def _reconstruct(
+    capture: Capture, config: ReconstructConfig, notify: Listener, checkpoint: Path | None, resume: bool
+) -> Reconstruction:
     started = time.perf_counter()
     train, held_out = split_views(len(capture), config.holdout_every)
     if len(train) < 2:
@@ -105,7 +125,7 @@ def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str
         error = (shown.colour - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
         psnrs.append(-10.0 * math.log10(error.item()))
         if frame.depth is not None:
-            difference = (shown.depth - frame.depth).abs()
+            difference = (shown.plane_depth - frame.depth).abs()
             depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.unit)
         notify(Progress(stage="measure", done=done, total=len(views)))
     found = {f"{name}_psnr_db": sum(psnrs) / len(psnrs), f"{name}_views": float(len(views))}

@@ -1,0 +1,155 @@
+"""Stage 2 as a whole, on a tiny room of boxes: it learns, repeats itself, resumes, and labels."""
+
+from dataclasses import fields, replace
+from pathlib import Path
+
+import pytest
+import torch
+
+import captures
+from goc import _native
+from goc.capture import CaptureConfig, load_capture
+from goc.errors import ReconstructError
+from goc.raster import render_labels
+from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
+from goc.scene import UNLABELLED, Capture, Gaussians
+
+QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
+
+
+class Stopped(Exception):
+    """Stands for a killed process."""
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Capture:
+    return load_capture(captures.write_nerfstudio(tmp_path_factory.mktemp("room"), views=8), CaptureConfig())
+
+
+def same(a: Gaussians, b: Gaussians) -> bool:
+    pairs = [(getattr(a, item.name), getattr(b, item.name)) for item in fields(Gaussians)]
+    return all((x is None and y is None) or torch.equal(x, y) for x, y in pairs)
+
+
+def label_agreement(capture: Capture, found) -> float:
+    frame = capture[0]
+    ids = render_labels(found.gaussians, found.labels, frame.camera)
+    return (ids == frame.ids)[frame.ids != UNLABELLED].float().mean().item()
+
+
+def test_splats_come_to_show_the_photographs(capture):
+    first = reconstruct(capture, replace(QUICK, iterations=1, checkpoint_every=0)).metrics["train_psnr_db"]
+    found = reconstruct(capture, replace(QUICK, iterations=150, checkpoint_every=0))
+    assert found.metrics["train_psnr_db"] > max(first + 3, 24)
+    assert found.metrics["train_median_depth_error_m"] < 0.03
+    assert label_agreement(capture, found) > 0.95
+
+
+def test_learned_features_label_the_same_objects(capture):
+    config = replace(QUICK, iterations=150, checkpoint_every=0, labels="learned")
+    found = reconstruct(capture, config)
+    assert found.gaussians.identity is not None
+    assert label_agreement(capture, found) > 0.9
+
+
+@pytest.mark.parametrize("labels", ["votes", "learned"])
+def test_a_stopped_run_resumes_bit_equal(capture, tmp_path, labels):
+    config = replace(QUICK, labels=labels)
+    whole = reconstruct(capture, config)
+
+    def stop(event):
+        if event.stage == "reconstruct" and event.done == 47:
+            raise Stopped
+
+    checkpoint = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(Stopped):
+        reconstruct(capture, config, stop, checkpoint)
+    heard = []
+    resumed = reconstruct(capture, config, heard.append, checkpoint, resume=True)
+    assert next(event.done for event in heard if event.stage == "reconstruct") == 41
+    assert same(whole.gaussians, resumed.gaussians)
+    assert torch.equal(whole.labels, resumed.labels)
+
+
+def test_the_same_seed_gives_the_same_bits_for_any_number_of_threads(capture):
+    before, results = _native.thread_count(), []
+    for threads in (1, 3):
+        _native.set_thread_count(threads)
+        results.append(reconstruct(capture, replace(QUICK, iterations=20, checkpoint_every=0)).gaussians)
+    _native.set_thread_count(before)
+    assert same(*results)
+    other = reconstruct(capture, replace(QUICK, iterations=20, checkpoint_every=0, seed=1)).gaussians
+    assert not same(results[0], other)
+
+
+def test_a_checkpoint_of_other_settings_is_refused(capture, tmp_path):
+    checkpoint = tmp_path / "checkpoint.safetensors"
+    reconstruct(capture, replace(QUICK, iterations=20), checkpoint=checkpoint)
+    with pytest.raises(ReconstructError, match="made from another capture or with other settings"):
+        reconstruct(capture, replace(QUICK, iterations=20, seed=3), checkpoint=checkpoint, resume=True)
+
+
+def test_seeds_without_depth_come_from_points_then_from_the_box(tmp_path):
+    folder = captures.write_nerfstudio(tmp_path, views=8)
+    blind = load_capture(folder, CaptureConfig(use_depth=False))
+    assert blind.points is not None and not blind.has_depth
+    config = replace(QUICK, iterations=40, checkpoint_every=0)
+    from_points = reconstruct(blind, config).gaussians
+    assert len(from_points) > len(blind.points.positions)  # MCMC grew them
+    config = replace(config, seeding=replace(config.seeding, random_points=400))
+    from_box = reconstruct(replace(blind, points=None), config)
+    assert 400 <= len(from_box.gaussians) <= 1500
+    assert torch.isfinite(from_box.gaussians.means).all()
+
+
+def test_every_loss_is_switched_off_by_its_weight(capture):
+    config = replace(QUICK, iterations=5, checkpoint_every=0)
+    plain = reconstruct(capture, config).gaussians
+    for weights in (LossWeights(depth=0.0), LossWeights(depth_normal=0.0), LossWeights(depth=0.0, depth_normal=0.0)):
+        assert not same(plain, reconstruct(capture, replace(config, losses=weights)).gaussians)
+    learned = replace(config, labels="learned")
+    without = replace(learned, losses=LossWeights(identity=0.0))
+    assert not same(reconstruct(capture, learned).gaussians, reconstruct(capture, without).gaussians)
+
+
+def test_votes_follow_the_masks(capture):
+    gaussians = reconstruct(capture, replace(QUICK, iterations=20, checkpoint_every=0)).gaussians
+    views = list(range(len(capture)))
+    labels = vote_labels(gaussians, capture, views)
+    blank = replace(capture, load=lambda index: replace(capture[index], ids=None))
+    assert (vote_labels(gaussians, blank, views) == UNLABELLED).all()
+    assert set(torch.unique(labels).tolist()) <= {UNLABELLED, *range(20)}
+
+
+def test_a_view_that_spoils_the_loss_is_named(capture):
+    def spoilt(index: int):
+        frame = capture[index]
+        normals = torch.full((*frame.ids.shape, 3), 3.4e38)
+        return replace(frame, normals=normals)
+
+    with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
+        reconstruct(replace(capture, load=spoilt), QUICK)
+
+
+def test_too_few_views_or_points_are_refused(capture):
+    alone = replace(capture, cameras=capture.cameras[:1], names=capture.names[:1])
+    with pytest.raises(ReconstructError, match=r"1 training view\(s\): reconstruction needs at least 2"):
+        reconstruct(alone, QUICK)
+    empty = replace(
+        capture, load=lambda index: replace(capture[index], depth=torch.full_like(capture[index].depth, torch.nan))
+    )
+    with pytest.raises(ReconstructError, match="only 0 points to start from in 8 views"):
+        reconstruct(empty, QUICK)
+
+
+@pytest.mark.parametrize(("count", "every", "held"), [(40, 10, [5, 15, 25, 35]), (40, 0, []), (10, 5, [])])
+def test_split_views(count, every, held):
+    train, held_out = split_views(count, every)
+    assert held_out == held
+    assert sorted(train + held_out) == list(range(count))
+
+
+def test_checkpoints_are_whole_files(capture, tmp_path):
+    checkpoint = tmp_path / "checkpoint.safetensors"
+    reconstruct(capture, replace(QUICK, iterations=40), checkpoint=checkpoint)
+    assert [path.name for path in Path(tmp_path).iterdir()] == ["checkpoint.safetensors"]
