@@ -95,3 +95,21 @@ def test_where_little_is_rendered_there_is_no_label():
     thin = replace(wall(torch.tensor([0.0, 0.0, -1.0]), 2.0), opacity_logits=torch.full((432,), -4.0))
     ids = render_labels(thin, torch.ones(432, dtype=torch.int16), camera())
     assert (ids == UNLABELLED).all()
+
+
+def test_depth_spread_tells_mixed_pixels():
+    facing = torch.tensor([0.0, 0.0, -1.0])
+    near, far = wall(facing, 1.0), wall(facing, 3.0, spacing=0.2)
+    both = Gaussians(
+        **{
+            name: torch.cat([getattr(near, name), getattr(far, name)])
+            for name in ("means", "quats", "log_scales", "sh")
+        },
+        opacity_logits=torch.cat([torch.full((432,), -2.0), torch.full((432,), 6.0)]),
+    )
+    alone, mixed = render(far, camera()), render(both, camera())
+    middle = (slice(10, 26), slice(12, 36))
+    assert alone.depth_spread[middle].max() < 0.01
+    share = (3.0 - mixed.depth) / 2.0  # of the near wall
+    assert torch.allclose(mixed.depth_spread[middle], (2.0 * (share * (1 - share)).sqrt())[middle], atol=0.02)
+    assert mixed.depth_spread[middle].min() > 0.1

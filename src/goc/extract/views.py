@@ -12,6 +12,10 @@ from goc.scene.reconstruction import Reconstruction
 _CACHE_BYTES = 256 * 2**20
 _MIN_ALPHA = 0.5
 """A pixel that is more background than splat has no depth."""
+_MAX_SPREAD = 0.02
+"""Nor has one whose splats' depths spread by more than this share of its depth: it mixes what is near with what lies
+behind, and would put flying surface between. Measured on bench/living: of the object pixels that are off by more than
+5 cm it removes 96 %, of all object pixels 16 %, which other views see better."""
 
 
 def rendered_views(reconstruction: Reconstruction, capture: Capture) -> Capture:
@@ -27,7 +31,8 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture) -> Capture:
     def rendered(index: int) -> Frame:
         frame = capture[index]
         shown = render(gaussians, frame.camera)
-        depth = torch.where(shown.alpha >= _MIN_ALPHA, shown.plane_depth, torch.nan)
+        sure = (shown.alpha >= _MIN_ALPHA) & (shown.depth_spread <= _MAX_SPREAD * shown.depth)
+        depth = torch.where(sure, shown.plane_depth, torch.nan)
         ids = render_labels(gaussians, labels, frame.camera, _MIN_ALPHA) if labelled else None
         return replace(frame, depth=depth, normals=None, ids=ids)
 

@@ -49,21 +49,18 @@ def plane_depth(blended: Float[Tensor, "h w 4"], camera: Camera) -> Float[Tensor
 @torch.no_grad()
 def render(gaussians: Gaussians, camera: Camera) -> Rendering:
     """Colour, alpha, both depths and normals of one view."""
-    channels = torch.cat(
-        [
-            colours_towards(gaussians.sh, gaussians.means, camera.position),
-            centre_depths(gaussians, camera)[:, None],
-            plane_channels(gaussians, camera),
-        ],
-        -1,
-    )
+    z = centre_depths(gaussians, camera)
+    colours = colours_towards(gaussians.sh, gaussians.means, camera.position)
+    channels = torch.cat([colours, torch.stack([z, z.square()], -1), plane_channels(gaussians, camera)], -1)
     image, alpha = rasterize(gaussians, camera, channels)
+    depth, square = (image[..., 3:5] / alpha.clamp_min(1e-10)[..., None]).unbind(-1)
     return Rendering(
         colour=image[..., :3].clamp(0.0, 1.0),
         alpha=alpha,
-        depth=image[..., 3] / alpha.clamp_min(1e-10),
-        plane_depth=plane_depth(image[..., 4:], camera),
-        normals=torch.nn.functional.normalize(image[..., 4:7], dim=-1),
+        depth=depth,
+        depth_spread=(square - depth.square()).clamp_min(0.0).sqrt(),
+        plane_depth=plane_depth(image[..., 5:], camera),
+        normals=torch.nn.functional.normalize(image[..., 5:8], dim=-1),
     )
 
 
