@@ -100,6 +100,11 @@ void bind_raster(nb::module_& module) {
           nb::arg("alpha_grad").none(), nb::arg("channels_grad"), nb::arg("means").none(), nb::arg("quats").none(),
           nb::arg("log_scales").none(), nb::arg("logits").none(),
           "Gradients of the last forward; rows of splats outside the view are left alone (pass zeros).")
+      .def("median", [](const Raster& self, nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> out) {
+        check(out.shape(0) == (std::size_t)self.height() && out.shape(1) == (std::size_t)self.width(),
+              "out must be (height, width) of the last view");
+        self.median(out.data());
+      }, "Splat at which each pixel of the last view turns half opaque; -1 where none does.")
       .def("visible", [](const Raster& self, nb::ndarray<std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> out) {
         self.visible(out.data());
       }, "One byte a splat: 1 where it touches the view.");

@@ -44,6 +44,9 @@ struct Kernels {
   // Writes the tile's pixels of image (channels, height, width) and alpha (height, width).
   // scratch: count·(8 + channel_count) floats, then 16·count integers.
   void (*forward_tile)(const TileView& tile, float* image, float* alpha, float* scratch);
+  // The splat at which each pixel's transmittance falls below one half, as a float; -1 where none does.
+  // scratch: as forward_tile with no channels.
+  void (*median_tile)(const TileView& tile, float* median, float* scratch);
   // grad of one record: [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha, then channel_count of
   // dL/dchannel at channel_offset; the six add up over passes. channels_only leaves them alone. alpha_grad may be null.
   void (*backward_tile)(const TileView& tile, const float* image, const float* alpha, const float* image_grad,

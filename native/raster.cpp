@@ -209,6 +209,17 @@ void Raster::backward(const SplatArrays& splats, const float* channels, const fl
   });
 }
 
+void Raster::median(std::int32_t* out) const {
+  std::vector<float> found((std::size_t)camera_.width * camera_.height);
+  parallel_for((std::size_t)tiles_x_ * tiles_y_, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t t = begin; t < end; ++t) {
+      const TileView view = tile(t, nullptr, 0);
+      kernels().median_tile(view, found.data(), scratch((std::size_t)view.count * (8 + 16)));
+    }
+  });
+  for (std::size_t i = 0; i < found.size(); ++i) out[i] = (std::int32_t)found[i];
+}
+
 void Raster::visible(std::uint8_t* out) const {
   std::fill(out, out + boxes_.size(), (std::uint8_t)0);
   for (const auto i : by_depth_) out[i] = 1;

@@ -43,9 +43,13 @@ class Raster {
   // Gradients with respect to the splats (null `out` when only channels are wanted) and to channels (n, channel_count).
   void backward(const SplatArrays& splats, const float* channels, const float* image, const float* alpha,
                 const float* image_grad, const float* alpha_grad, const SplatGradients* out, float* channels_grad);
+  // The splat at which each pixel (height, width) of the last forward turns half opaque; -1 where none does.
+  void median(std::int32_t* out) const;
   // Splats that touch some tile of the view.
   void visible(std::uint8_t* out) const;
   std::size_t records() const { return order_.size(); }
+  int width() const { return camera_.width; }
+  int height() const { return camera_.height; }
 
  private:
   struct Candidate {       // a (splat, tile) pair of the splat's bounding box

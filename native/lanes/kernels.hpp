@@ -6,6 +6,7 @@ namespace goc::GOC_ISA {
 
 std::uint16_t touched_blocks(const Splat2D& splat, float tile_x, float tile_y);
 void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch);
+void median_tile(const TileView& tile, float* median, float* scratch);
 void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
                    const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
 void blur_row(const float* padded, int width, float* out);

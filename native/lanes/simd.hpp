@@ -71,7 +71,7 @@ GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p]
 
 GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
 GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
-GOC_INLINE Mask operator>(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b) return m; }
+GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
 GOC_INLINE Mask operator&(Mask a, Mask b) { GOC_EACH(a.part[p] &= b.part[p]) return a; }
 
 GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {

@@ -52,17 +52,22 @@ GOC_INLINE void store_block(float* plane, int width, Inside in, Lanes values) {
     for (int i = 0; i < in.columns; ++i) plane[(std::size_t)j * width + i] = out[j * kBlock + i];
 }
 
+// The records that touch each block, in order: list b starts at b·count.
+GOC_INLINE void list_blocks(const TileView& tile, std::uint32_t* lists, int* counts) {
+  for (int r = 0; r < tile.count; ++r)
+    for (std::uint32_t rest = tile.masks[r]; rest; rest &= rest - 1) {
+      const int b = __builtin_ctz(rest);
+      lists[b * tile.count + counts[b]++] = r;
+    }
+}
+
 template <int C>
 void forward(const TileView& tile, float* image, float* alpha, float* scratch) {
   constexpr int kStride = kPacked + C;
   pack<C>(tile, scratch);
   auto* lists = (std::uint32_t*)(scratch + (std::size_t)tile.count * kStride);
   int counts[16] = {};
-  for (int r = 0; r < tile.count; ++r)
-    for (std::uint32_t rest = tile.masks[r]; rest; rest &= rest - 1) {
-      const int b = __builtin_ctz(rest);
-      lists[b * tile.count + counts[b]++] = r;
-    }
+  list_blocks(tile, lists, counts);
   const std::size_t plane = (std::size_t)tile.width * tile.height;
   for (int b = 0; b < 16; ++b) {
     const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
@@ -209,6 +214,30 @@ void forward_tile(const TileView& tile, float* image, float* alpha, float* scrat
 #define GOC_CALL(C) forward<C>(tile, image, alpha, scratch)
   GOC_FOR_CHANNELS(GOC_CALL)
 #undef GOC_CALL
+}
+
+void median_tile(const TileView& tile, float* median, float* scratch) {
+  pack<0>(tile, scratch);
+  auto* lists = (std::uint32_t*)(scratch + (std::size_t)tile.count * kPacked);
+  int counts[16] = {};
+  list_blocks(tile, lists, counts);
+  for (int b = 0; b < 16; ++b) {
+    const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
+    if (x >= tile.width || y >= tile.height) continue;
+    const Lanes px = load(kLaneX) + (x + 0.5f), py = load(kLaneY) + (y + 0.5f);
+    Lanes transmittance = splat(1.0f), found = splat(-1.0f);
+    for (int i = 0; i < counts[b]; ++i) {
+      const std::uint32_t r = lists[b * tile.count + i];
+      const float* s = scratch + (std::size_t)r * kPacked;
+      Lanes raw;
+      const Lanes next = transmittance * (1.0f - alpha_of(s, px - s[0], py - s[1], raw));
+      const Mask crosses = (transmittance >= 0.5f) & (splat(0.5f) > next);
+      found = select(crosses, splat((float)tile.order[r]), found);
+      transmittance = next;
+      if (!bits(transmittance >= 0.5f)) break;
+    }
+    store_block(median + (std::size_t)y * tile.width + x, tile.width, inside(tile, x, y), found);
+  }
 }
 
 void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,

@@ -6,7 +6,7 @@ import pytest
 import torch
 
 from goc import _native
-from goc.raster import rasterize, visible_splats
+from goc.raster import median_splats, rasterize, visible_splats
 from goc.scene import Camera, Gaussians
 from oracles import splatting
 
@@ -167,3 +167,14 @@ def test_nothing_in_view_is_empty():
 def test_channels_must_match_the_splats():
     with pytest.raises(ValueError, match="channels has 3 rows for 10 splats"):
         rasterize(random_splats(10), camera(), torch.ones(3, 2))
+
+
+def test_median_splat_is_where_the_oracle_turns_half_opaque():
+    gaussians = random_splats(120, seed=11, opacity=1.0)
+    found = median_splats(gaussians, camera())
+    weights, _ = splatting.rasterize(double(gaussians), camera(), torch.eye(120, dtype=torch.float64))
+    order = torch.argsort(splatting.project(double(gaussians), camera())[2])
+    passed = 1 - weights[..., order].cumsum(-1) < 0.5
+    expected = torch.where(passed.any(-1), order[passed.int().argmax(-1)], -1)
+    assert (found == expected).float().mean() > 0.995  # ties at one half and at alpha 1/255 may fall either way
+    assert (found >= 0).any() and (found < 0).any()

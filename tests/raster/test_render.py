@@ -7,7 +7,7 @@ import torch
 
 from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import quats_towards
-from goc.raster import centre_depths, plane_channels, plane_depth, rasterize, render, render_labels
+from goc.raster import centre_depths, median_depth, plane_channels, plane_depth, rasterize, render, render_labels
 from goc.scene import UNLABELLED, Camera, Gaussians
 
 
@@ -113,3 +113,20 @@ def test_depth_spread_tells_mixed_pixels():
     share = (3.0 - mixed.depth) / 2.0  # of the near wall
     assert torch.allclose(mixed.depth_spread[middle], (2.0 * (share * (1 - share)).sqrt())[middle], atol=0.02)
     assert mixed.depth_spread[middle].min() > 0.1
+
+
+def test_median_depth_does_not_fly_between_two_surfaces():
+    facing = torch.tensor([0.0, 0.0, -1.0])
+    near, far = wall(facing, 1.0), wall(facing, 3.0, spacing=0.2)
+    near = near[near.means[:, 0] < 0]
+    both = Gaussians(
+        **{
+            name: torch.cat([getattr(near, name), getattr(far, name)])
+            for name in ("means", "quats", "log_scales", "opacity_logits", "sh")
+        }
+    )
+    depth = median_depth(both, camera())[10:26, 6:42]
+    on_one = ((depth - 1.0).abs() < 0.01) | ((depth - 3.0).abs() < 0.03)
+    assert on_one.all()
+    blended = render(both, camera()).plane_depth[10:26, 6:42]
+    assert ((blended > 1.1) & (blended < 2.7)).any()

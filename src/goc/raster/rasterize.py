@@ -3,7 +3,7 @@
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int32
 from torch import Tensor
 
 from goc import _native
@@ -40,6 +40,15 @@ def rasterize(
         gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, channels, camera
     )
     return planes.permute(1, 2, 0), alpha
+
+
+def median_splats(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "h w"]:
+    """The splat at which each pixel's transmittance falls below one half: the surface it shows; -1 where none does."""
+    raster, _, _ = _forward(_splats(gaussians), camera, torch.zeros(len(gaussians), 1))
+    out = torch.zeros(camera.height, camera.width, dtype=torch.int32)
+    raster.median(out)
+    _idle_rasters.append(raster)
+    return out
 
 
 def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:

@@ -7,7 +7,7 @@ from torch import Tensor
 from goc.geometry.harmonics import colours_towards
 from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import matrices_of_quats
-from goc.raster.rasterize import rasterize
+from goc.raster.rasterize import median_splats, rasterize
 from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED
 from goc.scene.gaussians import Gaussians
@@ -44,6 +44,17 @@ def plane_depth(blended: Float[Tensor, "h w 4"], camera: Camera) -> Float[Tensor
     slope = (blended[..., :3] * pixel_rays(camera)).sum(-1)
     depth = blended[..., 3] / torch.where(slope < -1e-6, slope, torch.nan)
     return torch.where(depth > 0, depth, torch.nan)
+
+
+@torch.no_grad()
+def median_depth(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "h w"]:
+    """Z where each ray meets the plane of the splat that makes it half opaque; NaN where none does.
+
+    It lies on one surface even where a pixel shows two: blended depths fly between them.
+    """
+    splats = median_splats(gaussians, camera)
+    planes = plane_channels(gaussians, camera)[splats.clamp_min(0).long()]
+    return torch.where(splats >= 0, plane_depth(planes, camera), torch.nan)
 
 
 @torch.no_grad()
