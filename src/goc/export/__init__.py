@@ -2,7 +2,7 @@
 
 from goc.export.config import ExportConfig
 from goc.export.machine import Machine, peak_memory_mb, this_machine
-from goc.export.output import REPORT, Output, check_output, claim_output
+from goc.export.output import REPORT, Output, check_output, claim_output, is_stopped_run
 from goc.export.overview import draw_overview
 from goc.export.record import RunRecord
 from goc.export.report import Report, write_report
@@ -19,6 +19,7 @@ __all__ = [
     "claim_output",
     "draw_overview",
     "export_scene",
+    "is_stopped_run",
     "peak_memory_mb",
     "this_machine",
     "write_report",

@@ -39,7 +39,7 @@ class Output:
         return self.folder / _WORK / "staged"
 
     def publish(self) -> None:
-        """Move all staged files into place, report.json last, and remove what an earlier run wrote and this one did not.
+        """Move all staged files into place, report.json last; remove what only an earlier run wrote.
 
         A folder without report.json is one where this was interrupted.
         """
@@ -74,7 +74,7 @@ def claim_output(folder: Path, overwrite: bool, resume: bool) -> Iterator[Output
     """
     check_output(folder, overwrite, resume)
     work, made = folder / _WORK, not folder.exists()
-    output = Output(folder=folder, resumes=resume and is_file(folder / _WORK / _CHECKPOINT))
+    output = Output(folder=folder, resumes=resume and is_stopped_run(folder))
     try:
         work.mkdir(parents=True, exist_ok=True)
         lock = (work / "lock").open("w")
@@ -109,8 +109,7 @@ def check_output(folder: Path, overwrite: bool, resume: bool) -> None:
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else str(error)
         raise ExportError(f"{folder}: cannot be used as output folder ({reason}). Choose another one.") from error
-    stopped = is_file(folder / _WORK / _CHECKPOINT)
-    if stopped and not (resume or overwrite):
+    if is_stopped_run(folder) and not (resume or overwrite):
         raise ExportError(
             f"{folder}: holds a stopped run. Repeat its command with --resume to continue it, "
             "or with --overwrite to start again."
@@ -119,6 +118,11 @@ def check_output(folder: Path, overwrite: bool, resume: bool) -> None:
         several = f"{len(entries)} entries, first: {entries[0]}"
         remedy = "Choose another folder, or pass --overwrite to replace what goc wrote there."
         raise ExportError(f"{folder}: is not empty ({several}). {remedy}")
+
+
+def is_stopped_run(folder: Path) -> bool:
+    """Whether a run that was stopped left a checkpoint in its output folder."""
+    return is_file(folder / _WORK / _CHECKPOINT)
 
 
 def object_folder(number: int) -> Path:

@@ -207,4 +207,8 @@ def _measures(item: ObjectMesh, unit: float) -> str:
     if not len(item.mesh.vertices):
         return "no surface"
     sides = (item.mesh.vertices.max(0) - item.mesh.vertices.min(0)) / unit
-    return " x ".join(f"{side:.2f}" for side in sides) + f" m · {len(item.mesh.faces):,} faces"
+    return " x ".join(f"{side:.2f}" for side in sides) + f" m · {_thousands(len(item.mesh.faces))} faces"
+
+
+def _thousands(count: int) -> str:
+    return f"{count:,}" if count < 10_000 else f"{round(count / 1000):,}k"

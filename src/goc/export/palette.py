@@ -26,7 +26,7 @@ _GOLDEN = 0.618033988749895
 
 
 def colour_of_id(number: int) -> tuple[int, int, int]:
-    """The colour of an id in every picture: pale for the room, dark where unknown, else a hue far from its neighbours'."""
+    """The colour of an id in every picture: the room pale, unknown dark, objects in hues far from their neighbours'."""
     if number == ROOM:
         return _ROOM_COLOUR
     if number == UNLABELLED:

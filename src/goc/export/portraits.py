@@ -15,6 +15,8 @@ _GROUND = np.array([241.0, 241.0, 238.0])
 _INSIDE = np.array([118.0, 128.0, 148.0])
 """The inside of an open surface: nobody measured the outside there."""
 _NO_COLOUR = 170.0
+_LIFT = 26.0
+"""Black things are drawn this bright, so that their shape shows."""
 _SKY_RAYS = 6
 _REACH, _ROOM_REACH = 0.6, 0.12
 """Nearer than this, in radii, surfaces take light from each other."""
@@ -82,6 +84,7 @@ def _subject(mesh: Mesh, up: Float[np.ndarray, "3"], reach: float) -> _Subject:
     used = vertices[np.unique(mesh.faces)]
     centre = (used.min(0) + used.max(0)) / 2
     colours = np.full(vertices.shape, _NO_COLOUR) if mesh.colours is None else mesh.colours.astype(np.float64)
+    colours = _LIFT + colours * (1.0 - _LIFT / 255.0)
     radius = max(float(np.linalg.norm(used - centre, axis=1).max()), 1e-6)
     return _Subject(
         scene=TriangleScene(mesh.vertices, mesh.faces),
