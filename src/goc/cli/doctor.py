@@ -47,9 +47,8 @@ def main(words: Sequence[str]) -> int:
     arguments = tyro.cli(Arguments, prog="goc doctor", args=list(words))
     findings = examine(Path.cwd())
     if arguments.json:
-        sys.stdout.write(
-            msgspec.json.format(msgspec.json.encode([asdict(found) for found in findings])).decode() + "\n"
-        )
+        encoded = msgspec.json.encode([asdict(found) for found in findings])
+        sys.stdout.write(msgspec.json.format(encoded).decode() + "\n")
     else:
         sys.stdout.write("".join(_line(found) for found in findings))
     return 0 if all(found.ok for found in findings if found.needed) else 4

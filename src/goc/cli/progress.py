@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, TaskID, TextColumn
 from rich.progress import Progress as Bars
+from rich.table import Column
 from rich.text import Text
 
 from goc.events import Event, Listener, Progress, Warned
@@ -113,11 +114,9 @@ class _Terminal:
 
     def __init__(self) -> None:
         self._console = Console(stderr=True, highlight=False)
-        columns = (
-            TextColumn("{task.description:<14}"),
-            BarColumn(24),
-            TextColumn("{task.fields[words]}", markup=False),
-        )
+        one_line = Column(no_wrap=True, overflow="ellipsis")
+        words = TextColumn("{task.fields[words]}", markup=False, table_column=one_line)
+        columns = (TextColumn("{task.description:<13}"), BarColumn(12), words)
         self._bars = Bars(*columns, console=self._console, refresh_per_second=5)
         self._tasks: dict[str, TaskID] = {}
         self._paces: dict[str, Pace] = {}
