@@ -5,6 +5,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -85,15 +86,14 @@ def main(words: Sequence[str]) -> int:
 def parse(words: Sequence[str]) -> Arguments:
     """Read the command line; a preset gives the defaults that other settings then change."""
     preset = PRESETS[_preset_of(words)]
-    default = Arguments(
-        source=tyro.MISSING,
-        out=tyro.MISSING,
+    arguments = partial(
+        Arguments,
         capture=preset.capture,
         segment=preset.segment,
         reconstruct=preset.reconstruct,
         extract=preset.extract,
     )
-    return tyro.cli(Arguments, prog="goc carve", description=_DESCRIPTION, args=list(words), default=default)
+    return tyro.cli(arguments, prog="goc carve", description=_DESCRIPTION, args=list(words))
 
 
 def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Sequence[str]) -> int:

@@ -84,9 +84,7 @@ def claim_output(folder: Path, overwrite: bool, resume: bool) -> Iterator[Output
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)  # let go by the system, however this process ends
         except OSError as error:
-            raise ExportError(
-                f"{folder}: another run of goc is writing here. Wait for it, or choose another."
-            ) from error
+            raise ExportError(f"{folder}: another run of goc writes here. Wait for it, or choose another.") from error
         try:
             shutil.rmtree(output.staged, ignore_errors=True)
             if not output.resumes:

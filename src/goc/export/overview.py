@@ -162,7 +162,7 @@ def _facts(assets: SceneAssets, views: Capture) -> Iterator[str]:
         yield "scale guessed"
 
 
-def _view_bands(rows: Sequence[_Row]) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
+def _view_bands(rows: Sequence[_Row]) -> Iterator[UInt8[np.ndarray, "_ _ 3"]]:
     cell = (_INNER - 3 * _GAP) // 4
     known = np.concatenate([row.depth[np.isfinite(row.depth)] for row in rows])
     near, far = np.percentile(known, [1, 99]) if len(known) else (0.0, 1.0)
@@ -182,7 +182,7 @@ def _view_bands(rows: Sequence[_Row]) -> Iterator[UInt8[np.ndarray, "h w 3"]]:
         yield canvas.pixels()
 
 
-def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "h w 3"]]) -> UInt8[np.ndarray, "h w 3"]:
+def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]]) -> UInt8[np.ndarray, "h w 3"]:
     """The scene, two tiles wide and high, and the objects around and below it."""
     pitch = _TILE + _CAPTION
     beside = [(row, column) for row in range(2) for column in range(2, _ACROSS)]
