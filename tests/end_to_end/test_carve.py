@@ -65,6 +65,8 @@ def test_a_capture_becomes_a_scene_and_its_objects(finished):
         outside = np.maximum(box[0] - mesh.vertices, mesh.vertices - box[1]).max(-1)
         assert np.abs(outside).mean() < 0.03  # on the faces of the true box, metres
         assert observed.mean() > 0.5
+        a, b, c = (mesh.vertices[mesh.faces] - box.mean(0)).transpose(1, 0, 2)
+        assert (np.cross(a, b) * c).sum() > 0  # counter-clockwise from outside
         own = read_splats(finished / f"objects/{number}/splats.ply")
         assert len(own) > 20
     assert image_size(finished / "overview.png")[0] == 1720
