@@ -55,7 +55,7 @@ Patterns make_patterns() {
         next[edge] = -1;
         edge = follow;
       }
-      for (std::size_t i = 2; i < loop.size(); ++i) patterns[inside].push_back({loop[0], loop[i - 1], loop[i]});
+      for (std::size_t i = 2; i < loop.size(); ++i) patterns[inside].push_back({loop[0], loop[i], loop[i - 1]});
     }
   }
   return patterns;

@@ -4,5 +4,6 @@ from goc.extract.config import ExtractConfig
 from goc.extract.evidence import evidence_grid
 from goc.extract.fuse import fuse_scene
 from goc.extract.objects import extract_objects
+from goc.extract.views import rendered_views
 
-__all__ = ["ExtractConfig", "evidence_grid", "extract_objects", "fuse_scene"]
+__all__ = ["ExtractConfig", "evidence_grid", "extract_objects", "fuse_scene", "rendered_views"]

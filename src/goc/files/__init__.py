@@ -1,6 +1,6 @@
 """The one I/O layer: strict readers that raise FileError and nothing else, and writers that never leave half a file."""
 
-from goc.files.atomic import write_atomic, write_bytes
+from goc.files.atomic import move_file, write_atomic, write_bytes
 from goc.files.documents import read_json, read_matrix, write_json
 from goc.files.images import (
     image_size,
@@ -22,6 +22,7 @@ __all__ = [
     "image_size",
     "is_file",
     "is_folder",
+    "move_file",
     "read_bytes",
     "read_depth",
     "read_ids",

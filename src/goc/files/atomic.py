@@ -44,9 +44,7 @@ def write_atomic(path: Path) -> Iterator[BinaryIO]:
         temporary.replace(path)
         _sync_folder(path.parent)
     except (OSError, ValueError) as error:  # ValueError: a NUL in the path
-        code = error.errno if isinstance(error, OSError) else None
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise FileError(f"{path}: cannot be written ({reason}). {_REMEDIES.get(code, 'Check the path.')}") from error
+        raise _refused(path, error) from error
     finally:
         _discard(temporary)
 
@@ -55,6 +53,26 @@ def write_bytes(path: Path, data: bytes | memoryview) -> None:
     """Write a whole file at once, atomically (see `write_atomic`)."""
     with write_atomic(path) as file:
         file.write(data)
+
+
+def move_file(source: Path, target: Path) -> None:
+    """Rename a file over `target` on the same file system, durably; folders are made if need be.
+
+    Raises:
+        FileError: the system refuses; `target` is as it was before.
+    """
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        source.replace(target)
+        _sync_folder(target.parent)
+    except (OSError, ValueError) as error:
+        raise _refused(target, error) from error
+
+
+def _refused(path: Path, error: OSError | ValueError) -> FileError:
+    code = error.errno if isinstance(error, OSError) else None
+    reason = error.strerror if isinstance(error, OSError) else str(error)
+    return FileError(f"{path}: cannot be written ({reason}). {_REMEDIES.get(code, 'Check the path.')}")
 
 
 def _discard(temporary: Path) -> None:

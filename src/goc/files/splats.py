@@ -29,7 +29,7 @@ def write_splats(path: Path, gaussians: Gaussians) -> None:
         FileError: a parameter is not finite (nothing is written), or the disk refuses.
     """
     plain = gaussians.detached()
-    rest = plain.sh[:, 1:].transpose(1, 2).reshape(len(plain), -1)
+    rest = plain.sh[:, 1:].transpose(1, 2).flatten(1)
     columns = torch.cat(
         [
             plain.means,

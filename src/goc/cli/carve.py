@@ -1,0 +1,138 @@
+"""`goc carve`: a capture in, a scene and its objects out."""
+
+import shlex
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+
+from goc.capture import CaptureConfig
+from goc.cli.failures import STOPPED, say
+from goc.cli.progress import duration, shown_progress
+from goc.errors import ConfigError
+from goc.export import ExportConfig, is_stopped_run
+from goc.extract import ExtractConfig
+from goc.pipeline import PRESETS, CarveConfig, carve
+from goc.reconstruct import ReconstructConfig
+from goc.scene import SceneAssets
+from goc.segment import SegmentConfig
+
+_DESCRIPTION = """Turn a folder of posed photographs into a scene and separate objects.
+
+CAPTURE is a nerfstudio folder (transforms.json) or such a file itself, or an RGB-D folder (color/, depth/, pose/).
+Depth and instance ids are used where there are any; without ids, objects are told apart by their shape.
+
+examples:
+  goc carve captures/kitchen --out kitchen
+  goc carve captures/kitchen/transforms_sparse.json --out sparse --iterations 1000
+  goc carve captures/kitchen --out kitchen --preset paper --seed 1
+  goc carve captures/kitchen --out kitchen --capture.no-use-ids --reconstruct.mcmc.max-splats 150000"""
+
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """What stands on the command line."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="CAPTURE"), tyro.conf.Positional]
+    """Folder of the capture."""
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
+    """Folder for the results: new or empty."""
+    preset: Literal["fast", "paper"] = "fast"
+    """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: hours."""
+    iterations: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Optimisation steps; short for --reconstruct.iterations."""
+    seed: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    """Of all randomness; short for --reconstruct.seed and --segment.seed."""
+    overwrite: Flag = False
+    """Replace what goc wrote into OUT before; other files there stay."""
+    resume: Flag = False
+    """Continue a stopped run of the same command."""
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
+    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
+    extract: ExtractConfig = field(default_factory=ExtractConfig)
+
+    def config(self) -> CarveConfig:
+        """The settings of the stages, shortcuts applied."""
+        reconstruct, segment = self.reconstruct, self.segment
+        if self.iterations is not None:
+            reconstruct = replace(reconstruct, iterations=self.iterations)
+        if self.seed is not None:
+            reconstruct, segment = replace(reconstruct, seed=self.seed), replace(segment, seed=self.seed)
+        if reconstruct.iterations < 1:
+            raise ConfigError(f"--iterations is {reconstruct.iterations}: needs 1 or more.")
+        return CarveConfig(
+            capture=self.capture,
+            segment=segment,
+            reconstruct=reconstruct,
+            extract=self.extract,
+            export=ExportConfig(overwrite=self.overwrite),
+        )
+
+
+def main(words: Sequence[str]) -> int:
+    """Run `goc carve` with the words that follow it."""
+    arguments = parse(words)
+    return run(arguments.source, arguments.out, arguments.config(), arguments.resume, ["carve", *words])
+
+
+def parse(words: Sequence[str]) -> Arguments:
+    """Read the command line; a preset gives the defaults that other settings then change."""
+    preset = PRESETS[_preset_of(words)]
+    arguments = partial(
+        Arguments,
+        capture=preset.capture,
+        segment=preset.segment,
+        reconstruct=preset.reconstruct,
+        extract=preset.extract,
+    )
+    return tyro.cli(arguments, prog="goc carve", description=_DESCRIPTION, args=list(words))
+
+
+def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Sequence[str]) -> int:
+    """Carve, show progress, say where the results are; `command` is what a user types to run it again."""
+    started = time.monotonic()
+    try:
+        with shown_progress() as notify:
+            assets = carve(source, out, config, notify, resume)
+    except KeyboardInterrupt:
+        say(_how_to_go_on(out, command))
+        return STOPPED
+    sys.stdout.write(_summary(assets, out, time.monotonic() - started))
+    return 0
+
+
+def _preset_of(words: Sequence[str]) -> str:
+    """The value of --preset, before anything else is parsed; what is no preset is left for tyro to refuse."""
+    found = "fast"
+    for word, following in zip(words, [*words[1:], ""], strict=True):
+        value = following if word == "--preset" else word.removeprefix("--preset=")
+        if word.startswith("--preset") and value in PRESETS:
+            found = value
+    return found
+
+
+def _how_to_go_on(out: Path, command: Sequence[str]) -> str:
+    if not is_stopped_run(out):
+        return "stopped before the first checkpoint: nothing was kept."
+    again = shlex.join(["goc", *(word for word in command if word != "--resume"), "--resume"])
+    return f"stopped; the last checkpoint is on disk. Continue with: {again}"
+
+
+def _summary(assets: SceneAssets, out: Path, seconds: float) -> str:
+    count = len(assets.objects)
+    lines = [
+        f"{count} object{'s' * (count != 1)} in {duration(seconds)}.",
+        f"  look at   {out / 'overview.png'}",
+        f"  scene     {out / 'scene' / 'mesh.ply'}, {out / 'scene' / 'splats.ply'}",
+        f"  objects   {out / 'objects'}/<id>/observed.ply, splats.ply",
+        f"  figures   {out / 'report.json'}",
+    ]
+    return "\n".join(lines) + "\n"

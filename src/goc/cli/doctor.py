@@ -1,0 +1,148 @@
+"""`goc doctor`: what this machine can do, found out by trying, and one line of remedy for what it cannot."""
+
+import importlib.util
+import shutil
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import msgspec
+import torch
+import tyro
+
+from goc import __version__
+from goc.export import this_machine
+from goc.raster import rasterize
+from goc.scene import Camera, Gaussians
+
+_MIN_MEMORY_GB, _MIN_DISK_GB = 4.0, 2.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """Say what this machine can do, and how to mend what it cannot."""
+
+    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """For bug reports: machine-readable, to stdout."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Finding:
+    """One thing looked at."""
+
+    name: str
+    value: str
+    ok: bool
+    needed: bool
+    """Without it, goc does not work here."""
+    remedy: str = ""
+    """What to do where it is not ok."""
+
+
+def main(words: Sequence[str]) -> int:
+    """Run `goc doctor`; 0 where goc works on this machine, else 4."""
+    arguments = tyro.cli(Arguments, prog="goc doctor", args=list(words))
+    findings = examine(Path.cwd())
+    if arguments.json:
+        encoded = msgspec.json.encode([asdict(found) for found in findings])
+        sys.stdout.write(msgspec.json.format(encoded).decode() + "\n")
+    else:
+        sys.stdout.write("".join(_line(found) for found in findings))
+    return 0 if all(found.ok for found in findings if found.needed) else 4
+
+
+def examine(folder: Path) -> list[Finding]:
+    """Look at everything that decides whether and how fast goc works; `folder` stands for where results go."""
+    machine = this_machine()
+    disk_gb = shutil.disk_usage(folder).free / 1e9
+    narrow = machine.simd == "portable"
+    return [
+        _fact("goc", __version__),
+        _fact("system", machine.system),
+        _fact("processor", f"{machine.cpu}, {machine.cores} cores, {machine.threads} threads used"),
+        Finding(
+            name="vectors",
+            value=machine.simd,
+            ok=not narrow,
+            needed=False,
+            remedy="goc works, slower: this processor has none of the instruction sets with fast kernels.",
+        ),
+        Finding(
+            name="memory",
+            value=f"{machine.memory_gb:.1f} GB",
+            ok=machine.memory_gb >= _MIN_MEMORY_GB,
+            needed=False,
+            remedy=f"below {_MIN_MEMORY_GB:.0f} GB, use --reconstruct.mcmc.max-splats 40000 --capture.max-side-px 640.",
+        ),
+        Finding(
+            name="disk",
+            value=f"{disk_gb:.1f} GB free in {folder}",
+            ok=disk_gb >= _MIN_DISK_GB,
+            needed=False,
+            remedy="free some space, or point --out elsewhere.",
+        ),
+        _fact("python", machine.python),
+        *(_fact(name, version(name)) for name in ("torch", "numpy", "scipy", "pillow")),
+        _tried("kernels", _try_kernels, needed=True, remedy="install again: pip install --force-reinstall ."),
+        _tried("cuda", _try_cuda, needed=False, remedy="not needed: this version of goc computes on the processor."),
+        _tried("gsplat", _try_gsplat, needed=False, remedy="not needed: this version of goc has its own engine."),
+    ]
+
+
+def _fact(name: str, value: str) -> Finding:
+    return Finding(name=name, value=value, ok=True, needed=False)
+
+
+def _tried(name: str, trial: Callable[[], str], needed: bool, remedy: str) -> Finding:
+    try:
+        return Finding(name=name, value=trial(), ok=True, needed=needed)
+    except Exception as error:  # whatever a broken installation raises is the finding
+        lines = str(error).splitlines() or [type(error).__name__]
+        return Finding(name=name, value=lines[0][:160], ok=False, needed=needed, remedy=remedy)
+
+
+def _try_kernels() -> str:
+    """Draw one opaque splat in the middle of a small picture, and its gradient."""
+    camera = Camera(
+        focal_px=torch.tensor([16.0, 16.0]),
+        centre_px=torch.tensor([8.0, 8.0]),
+        width=16,
+        height=16,
+        world_from_cam=torch.eye(4),
+    )
+    splat = Gaussians(
+        means=torch.tensor([[0.0, 0.0, 2.0]], requires_grad=True),
+        quats=torch.tensor([[1.0, 0.0, 0.0, 0.0]]),
+        log_scales=torch.full((1, 3), -1.5),
+        opacity_logits=torch.full((1,), 6.0),
+        sh=torch.zeros(1, 1, 3),
+    )
+    image, _ = rasterize(splat, camera, torch.ones(1, 1))
+    image.sum().backward()
+    if not (0.9 < image.max().item() <= 1.0 and torch.isfinite(splat.means.grad).all()):
+        raise RuntimeError(f"a splat was drawn wrongly (brightest pixel {image.max().item():.3f} instead of about 1)")
+    return "work: a splat was drawn, and its gradient taken"
+
+
+def _try_cuda() -> str:
+    if not torch.cuda.is_available():
+        raise RuntimeError("no CUDA device that torch can use")
+    ones = torch.ones(64, 64, device="cuda")
+    if (ones @ ones)[0, 0].item() != 64.0:
+        raise RuntimeError("a matrix product on the CUDA device came out wrong")
+    return f"works: {torch.cuda.get_device_name()} multiplied two matrices; this version of goc does not use it"
+
+
+def _try_gsplat() -> str:
+    if importlib.util.find_spec("gsplat") is None:
+        raise RuntimeError("not installed")
+    return f"{version('gsplat')} installed, not tried; this version of goc does not use it"
+
+
+def _line(found: Finding) -> str:
+    mark = "ok  " if found.ok else "FAIL" if found.needed else "--  "
+    remedy = "" if found.ok else f"\n{'':17}{found.remedy}"
+    return f"{mark} {found.name:<10}  {found.value}{remedy}\n"

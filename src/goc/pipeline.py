@@ -1,0 +1,78 @@
+"""The paper's Fig. 2 on one screen: a capture in, a scene and its objects out."""
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from goc.capture import CaptureConfig, load_capture
+from goc.events import Listener, ignore
+from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
+from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
+from goc.reconstruct import ReconstructConfig, reconstruct, vote_labels
+from goc.scene import SceneAssets
+from goc.segment import SegmentConfig, segment
+
+
+@dataclass(frozen=True, kw_only=True)
+class CarveConfig:
+    """All settings of a run, by stage."""
+
+    capture: CaptureConfig = field(default_factory=CaptureConfig)
+    """Reading the capture."""
+    segment: SegmentConfig = field(default_factory=SegmentConfig)
+    """Telling objects apart, where the capture has no ids."""
+    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
+    """Optimising the splats."""
+    extract: ExtractConfig = field(default_factory=ExtractConfig)
+    """Meshing the scene and its objects."""
+    export: ExportConfig = field(default_factory=ExportConfig)
+    """Writing what came out."""
+
+
+PRESETS = {
+    "fast": CarveConfig(),
+    "paper": CarveConfig(reconstruct=ReconstructConfig(iterations=30_000, sh_degree=3, labels="learned")),
+}
+
+
+def carve(
+    source: Path, out: Path, config: CarveConfig | None = None, notify: Listener = ignore, resume: bool = False
+) -> SceneAssets:
+    """Turn a folder of posed photographs into a scene and separate objects (Fig. 2), and write them to `out`.
+
+    Args:
+        source: what `load_capture` reads.
+        out: new or empty, unless `config.export.overwrite`; see docs/guide/output.md.
+        config: PRESETS["fast"] if None.
+        notify: hears progress and warnings of all stages.
+        resume: continue the stopped run in `out`; starts from the beginning where there is none.
+
+    Raises:
+        GocError: a subclass for each stage. What was in `out` is then as it was before.
+    """
+    config = config or PRESETS["fast"]
+    run = RunRecord(notify)
+    with claim_output(out, config.export.overwrite, resume) as output:
+        with run.stage("capture"):
+            capture = given = load_capture(source, config.capture, run)
+        if given.has_depth and not given.has_ids:
+            with run.stage("segment"):
+                capture = segment(given, config.segment, run)
+        with run.stage("reconstruct"):
+            splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes)
+        views = rendered_views(splats, capture)
+        if not capture.has_ids:  # nor depth: the splats' own depth has to do
+            with run.stage("segment"):
+                views = segment(views, config.segment, run)
+                splats = replace(splats, labels=vote_labels(splats.gaussians, views, list(range(len(views))), run))
+        with run.stage("extract"):
+            scene = fuse_scene(views, config.extract, run)
+            objects = extract_objects(views, config.extract, run)
+        # Completion of unseen surface (paper §5) goes here: ObjectMesh → watertight ObjectMesh.
+        assets = SceneAssets(
+            reconstruction=splats, scene=scene, objects=objects, unit=capture.unit, metric=capture.metric
+        )
+        with run.stage("export"):
+            export_scene(assets, views, output.staged, source.name, config.export, run)
+        write_report(output.staged / REPORT, source, given, assets, run, config)
+        output.publish()
+    return assets

@@ -1,0 +1,63 @@
+"""What a carve of the small captures would hand over, in closed form: boxes as meshes, a few splats on them."""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from captures import OBJECTS, ROOM_BOX
+from goc.scene import EvidenceGrid, Gaussians, Mesh, ObjectMesh, Reconstruction, SceneAssets
+
+# Corners are numbered by the bits of (x, y, z); seen from outside each side turns counter-clockwise.
+_SIDES = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
+
+
+def box_mesh(box, colour=(200, 120, 60)) -> Mesh:
+    """A closed box, counter-clockwise from outside."""
+    corners = np.array([[box[n & 1, 0], box[n >> 1 & 1, 1], box[n >> 2, 2]] for n in range(8)], np.float32)
+    faces = [(a, b, c) for a, b, c, _ in _SIDES] + [(a, c, d) for a, _, c, d in _SIDES]
+    return Mesh(vertices=corners, faces=np.array(faces, np.int32), colours=np.full((8, 3), colour, np.uint8))
+
+
+def inside_out(mesh: Mesh) -> Mesh:
+    """The same surface seen from the other side, as a room is."""
+    return replace(mesh, faces=np.ascontiguousarray(mesh.faces[:, ::-1]))
+
+
+def object_mesh(number: int, label: str, box) -> ObjectMesh:
+    """A box of which the corners at the bottom were never seen."""
+    mesh = box_mesh(box)
+    state = np.zeros((2, 2, 2), np.uint8)
+    grid = EvidenceGrid(origin=box[0].astype(float), voxel=0.1, state=state, sdf=np.zeros(state.shape, np.float32))
+    seen = mesh.vertices[:, 2] > mesh.vertices[:, 2].min()
+    return ObjectMesh(id=number, label=label, mesh=mesh, observed=seen, evidence=grid)
+
+
+def box_assets(ids=(1, 2), unit=1.0) -> SceneAssets:
+    """The room of tests/captures.py with its two boxes, numbered as asked, ten splats on each and ten on the floor."""
+    boxes = list(OBJECTS.values())
+    generator = torch.Generator().manual_seed(0)
+    means, labels = [], []
+    for number, box in zip((0, *ids), (ROOM_BOX, *boxes), strict=True):
+        low, high = torch.from_numpy(box).float()
+        means.append(low + (high - low) * torch.rand(10, 3, generator=generator))
+        labels += [number] * 10
+    positions = torch.cat(means)
+    splats = Gaussians(
+        means=positions,
+        quats=torch.tensor([1.0, 0, 0, 0]).repeat(len(positions), 1),
+        log_scales=torch.full((len(positions), 3), -2.0),
+        opacity_logits=torch.full((len(positions),), 4.0),
+        sh=torch.rand(len(positions), 4, 3, generator=generator),
+    )
+    return SceneAssets(
+        reconstruction=Reconstruction(
+            gaussians=splats,
+            labels=torch.tensor(labels, dtype=torch.int16),
+            metrics={"held_out_psnr_db": 21.5, "train_psnr_db": float("nan")},
+        ),
+        scene=inside_out(box_mesh(ROOM_BOX, (210, 205, 190))),
+        objects=tuple(object_mesh(n, f"box {n}", box) for n, box in zip(ids, boxes, strict=True)),
+        unit=unit,
+        metric=True,
+    )

@@ -1,0 +1,61 @@
+from pathlib import Path
+
+import pytest
+
+from goc.cli import main
+from goc.cli.carve import parse
+from goc.errors import ConfigError
+from goc.pipeline import PRESETS
+
+
+def test_defaults_are_the_fast_preset():
+    arguments = parse(["photos", "--out", "out"])
+    assert (arguments.source, arguments.out) == (Path("photos"), Path("out"))
+    assert arguments.config() == PRESETS["fast"]
+
+
+@pytest.mark.parametrize("words", [["--preset", "paper"], ["--preset=paper"]])
+def test_a_preset_gives_defaults_that_settings_change(words):
+    config = parse(["photos", "--out", "out", *words, "--reconstruct.sh-degree", "2"]).config()
+    assert (config.reconstruct.iterations, config.reconstruct.labels) == (30_000, "learned")
+    assert config.reconstruct.sh_degree == 2
+    assert PRESETS["paper"].reconstruct.sh_degree == 3
+
+
+def test_shortcuts_reach_their_stages():
+    words = ["photos", "--out", "out", "--iterations", "7", "--seed", "5", "--overwrite", "--capture.no-use-ids"]
+    config = parse(words).config()
+    assert (config.reconstruct.iterations, config.reconstruct.seed, config.segment.seed) == (7, 5, 5)
+    assert config.export.overwrite
+    assert not config.capture.use_ids
+    assert config.reconstruct.mcmc == PRESETS["fast"].reconstruct.mcmc
+
+
+def test_no_iterations_are_refused():
+    with pytest.raises(ConfigError, match="--iterations is 0: needs 1 or more"):
+        parse(["photos", "--out", "out", "--iterations", "0"]).config()
+
+
+def fails(capsys, words, code):
+    assert main(words) == code
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    assert "Traceback" not in shown.err
+    assert shown.err.startswith("error: ")
+    assert shown.err.count("\n") == 1
+    return shown.err
+
+
+def test_wrong_input_is_one_line_and_leaves_nothing(capsys, tmp_path):
+    out = tmp_path / "out"
+    assert "absent: not found" in fails(capsys, ["carve", str(tmp_path / "absent"), "--out", str(out)], 3)
+    (tmp_path / "transforms.json").write_text('{"frames": 3}')
+    assert "transforms.json" in fails(capsys, ["carve", str(tmp_path), "--out", str(out)], 3)
+    assert "--capture.unit is -1" in fails(capsys, ["carve", ".", "--out", str(out), "--capture.unit", "-1.0"], 2)
+    assert not out.exists()
+
+
+def test_a_full_folder_is_refused_before_the_capture_is_even_looked_at(capsys, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    said = fails(capsys, ["carve", str(tmp_path / "absent"), "--out", str(tmp_path)], 2)
+    assert "is not empty (1 entries, first: notes.txt)" in said

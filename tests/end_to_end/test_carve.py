@@ -1,0 +1,157 @@
+"""From a folder of photographs to files, and every way of not getting there."""
+
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from captures import LABELS, OBJECTS, ROOM_BOX, write_nerfstudio
+from goc.capture import CaptureConfig
+from goc.errors import ExportError, ReconstructError
+from goc.events import Progress, ignore
+from goc.export import ExportConfig, Report
+from goc.extract import ExtractConfig
+from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read_splats
+from goc.pipeline import CarveConfig, carve
+from goc.reconstruct import Mcmc, ReconstructConfig
+
+TINY = CarveConfig(
+    reconstruct=ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=4000)),
+    extract=ExtractConfig(scene_voxel=0.05, object_voxel=0.03, object_cells=24, evidence_cells=24),
+    export=ExportConfig(overview_views=1),
+)
+VIEWS = 24
+
+
+def stop_at(step):
+    """A listener that gives up in the middle of the optimisation."""
+
+    def notify(event):
+        if isinstance(event, Progress) and event.stage == "reconstruct" and event.done == step:
+            raise KeyboardInterrupt
+
+    return notify
+
+
+def contents(folder):
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory):
+    return write_nerfstudio(tmp_path_factory.mktemp("capture"), views=VIEWS)
+
+
+@pytest.fixture(scope="module")
+def finished(capture, tmp_path_factory):
+    out = tmp_path_factory.mktemp("finished") / "out"
+    carve(capture, out, TINY)
+    return out
+
+
+def test_a_capture_becomes_a_scene_and_its_objects(finished):
+    objects = [f"objects/{number}/{name}.ply" for number in OBJECTS for name in ("observed", "splats")]
+    assert sorted(contents(finished)) == [*objects, "overview.png", "report.json", "scene/mesh.ply", "scene/splats.ply"]
+    scene = read_mesh(finished / "scene/mesh.ply")
+    assert np.abs(scene.vertices.min(0) - ROOM_BOX[0]).max() < 0.1
+    assert np.abs(scene.vertices.max(0)[:2] - ROOM_BOX[1, :2]).max() < 0.1  # nobody looked up
+    assert len(read_splats(finished / "scene/splats.ply")) <= 4000
+    for number, box in OBJECTS.items():
+        mesh, observed = read_observed_mesh(finished / f"objects/{number}/observed.ply")
+        outside = np.maximum(box[0] - mesh.vertices, mesh.vertices - box[1]).max(-1)
+        assert np.abs(outside).mean() < 0.03  # on the faces of the true box, metres
+        assert observed.mean() > 0.5
+        a, b, c = (mesh.vertices[mesh.faces] - box.mean(0)).transpose(1, 0, 2)
+        assert (np.cross(a, b) * c).sum() > 0  # counter-clockwise from outside
+        own = read_splats(finished / f"objects/{number}/splats.ply")
+        assert len(own) > 20
+    assert image_size(finished / "overview.png")[0] == 1720
+
+
+def test_the_report_tells_the_whole_run(finished, capture):
+    report = read_json(finished / "report.json", Report)
+    assert list(report.seconds) == ["capture", "reconstruct", "extract", "export"]
+    assert (report.capture.path, report.capture.views) == (str(capture), VIEWS)
+    assert [(item.id, item.label) for item in report.objects] == [(1, LABELS["1"]), (2, LABELS["2"])]
+    assert report.metrics["held_out_psnr_db"] > 15
+    assert report.config["reconstruct"]["iterations"] == 60
+    assert report.config["extract"]["scene_voxel"] == 0.05
+    assert report.warnings == []
+
+
+def test_a_stopped_run_resumes_to_the_very_same_bytes(capture, finished, tmp_path):
+    out = tmp_path / "out"
+    with pytest.raises(KeyboardInterrupt):
+        carve(capture, out, TINY, stop_at(33))
+    assert sorted(contents(out)) == [".work/checkpoint.safetensors", ".work/lock"]
+    with pytest.raises(ExportError, match="holds a stopped run"):
+        carve(capture, out, TINY)
+    with pytest.raises(ReconstructError, match=r"with other settings\. Repeat the command that made it"):
+        carve(capture, out, replace(TINY, reconstruct=replace(TINY.reconstruct, seed=1)), resume=True)
+    steps = []
+    carve(capture, out, TINY, lambda event: steps.append(event), resume=True)
+    done = [event.done for event in steps if isinstance(event, Progress) and event.stage == "reconstruct"]
+    assert done == list(range(21, 61))
+    ours, theirs = contents(out), contents(finished)
+    assert ours.keys() == theirs.keys()
+    for name in ours.keys() - {"report.json", "overview.png"}:
+        assert ours[name] == theirs[name], name
+
+
+def test_a_folder_with_results_is_refused_unless_told_and_survives_a_failure(capture, finished):
+    before = contents(finished)
+    with pytest.raises(ExportError, match=r"is not empty \(4 entries, first: objects\)"):
+        carve(capture, finished, TINY)
+    with pytest.raises(KeyboardInterrupt):
+        carve(capture, finished, replace(TINY, export=ExportConfig(overwrite=True)), stop_at(10))
+    assert contents(finished) == before
+
+
+def test_objects_are_told_apart_without_ids(capture, tmp_path):
+    assets = carve(capture, tmp_path / "out", replace(TINY, capture=CaptureConfig(use_ids=False)))
+    assert len(assets.objects) >= 2
+    report = read_json(tmp_path / "out/report.json", Report)
+    assert "segment" in report.seconds
+    assert not report.capture.has_ids
+
+
+def test_photographs_alone_go_all_the_way(capture, tmp_path):
+    """Neither depth nor ids: geometry of this quality carries no objects, but every stage runs and says so."""
+    config = replace(TINY, capture=CaptureConfig(use_ids=False, use_depth=False, unit=1.0))
+    heard = []
+    assets = carve(capture, tmp_path / "out", config, heard.append)
+    stages = {event.stage for event in heard if isinstance(event, Progress)}
+    assert stages >= {"reconstruct", "segment", "label", "export"}
+    report = read_json(tmp_path / "out/report.json", Report)
+    assert len(report.objects) == len(assets.objects)
+    assert not report.capture.has_depth
+
+
+@pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
+def test_a_process_that_is_stopped_leaves_its_checkpoint(capture, tmp_path, how, code):
+    out = tmp_path / "out"
+    words = ["carve", str(capture), "--out", str(out), "--iterations", "1000000"]
+    words += ["--reconstruct.checkpoint-every", "2", "--reconstruct.mcmc.max-splats", "500"]
+    process = subprocess.Popen([sys.executable, "-m", "goc.cli", *words], stderr=subprocess.PIPE, text=True)
+    patience = time.monotonic() + 100
+    while not (out / ".work/checkpoint.safetensors").is_file() and time.monotonic() < patience:
+        time.sleep(0.05)
+    process.send_signal(how)
+    said = process.communicate(timeout=60)[1]
+    assert process.returncode == code, said
+    assert (out / ".work/checkpoint.safetensors").is_file()
+    assert "Traceback" not in said
+    if how != signal.SIGKILL:
+        assert said.splitlines()[-1].endswith("--resume")
+        assert "the last checkpoint is on disk. Continue with: goc carve" in said
+    assert carve_again(capture, out) == "holds a stopped run"
+
+
+def carve_again(capture, out):
+    with pytest.raises(ExportError) as refused:
+        carve(capture, out, TINY, ignore)
+    return "holds a stopped run" if "holds a stopped run" in str(refused.value) else str(refused.value)
