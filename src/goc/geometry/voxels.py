@@ -88,9 +88,7 @@ def connected_parts(
     return np.argsort(np.argsort(first_rows))[inverse].astype(np.int64)
 
 
-def parts_of(
-    keys: Int64[np.ndarray, "v"], chosen: Bool[np.ndarray, "v"], radius: float
-) -> Int64[np.ndarray, "v"]:
+def parts_of(keys: Int64[np.ndarray, "v"], chosen: Bool[np.ndarray, "v"], radius: float) -> Int64[np.ndarray, "v"]:
     """Connected part of each chosen voxel, steps up to `radius` cells; -1 where not chosen."""
     rows = np.flatnonzero(chosen)
     parts = np.full(len(keys), -1, np.int64)

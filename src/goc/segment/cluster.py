@@ -15,6 +15,10 @@ from goc.segment.supports import Support, find_supports, ground_cells, reach_of
 
 CONNECTED = 1.8
 """Voxels this many cells apart are one part: all 26 neighbours."""
+TOP_M = 0.05
+"""What rises less above a face, metres, is its rim."""
+OPEN_BELOW = 1.0
+"""A table shows less surface below its top than the top itself; a cupboard shows more."""
 TOUCHING = 2.3
 """Parts whose voxels come this many cells near each other touch."""
 
@@ -30,10 +34,12 @@ class Things:
 def find_things(surface: Surface, room: Room, config: SegmentConfig, unit: float, rng: np.random.Generator) -> Things:
     """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = crumbs.
 
-    Connected voxels are one thing, but for two cuts at every horizontal face that could be a support: the face itself is
-    taken out, which frees what stands on it, and the column below it is cut off, which frees what stands beside it. Then
-    what carries a face is joined to it again.
+    Connected voxels are one thing, but for two cuts at every horizontal face that could be a support: the face itself
+    is taken out, which frees what stands on it, and the column below it is cut off, which frees what stands beside it.
+    Then what carries a face is joined to it again.
     """
+    if room.mask.all():
+        return Things(np.zeros(len(surface), np.int64), {})
     cells = ground_cells(surface.points, room.up, surface.voxel)
     supports = find_supports(surface, room, cells, config, unit, rng)
     column = _columns(surface, supports, cells, unit)
@@ -84,18 +90,23 @@ def _order(
     sizes = np.bincount(things[things >= 0]) if (things >= 0).any() else np.zeros(0, int)
     least = max(8.0, 2.0 * (config.min_object_m * unit / surface.voxel) ** 2)
     number, names = 0, {}
-    for thing in np.argsort(-sizes, kind="stable"):
-        if sizes[thing] < least:
-            break
+    for thing in np.argsort(-sizes, kind="stable")[: (sizes >= least).sum()]:
         rows = np.flatnonzero(things == thing)
         if np.ptp(surface.points[rows], axis=0).max() < config.min_object_m * unit:
             continue
         number += 1
         ids[rows] = number
-        names[number] = f"object {number}"
-        for support in supports:
-            if things[support.rows[0]] == thing:
-                over = (support.plane.distance(surface.points[rows]) > 0.05 * unit).mean()
-                if over < 0.02:
-                    names[number] = "table"
+        faces = [support for support in supports if things[support.rows[0]] == thing]
+        names[number] = "table" if _is_table(faces, surface, rows, unit) else f"object {number}"
     return Things(ids, names)
+
+
+def _is_table(faces: list[Support], surface: Surface, rows: Int64[np.ndarray, "m"], unit: float) -> bool:
+    """Whether one of a thing's faces is its top, nothing rising past it, and there is little but legs below."""
+    for face in faces:
+        height = face.plane.distance(surface.points[rows])
+        risen = (height > TOP_M * unit).mean()
+        below = (height < -TOP_M * unit).sum() / len(face.rows)
+        if risen < 0.02 and below < OPEN_BELOW:
+            return True
+    return False

@@ -1,25 +1,34 @@
 """Depth of many views → one sparse set of surface points with normals."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float, Int64
+from scipy.ndimage import maximum_filter, minimum_filter
 
 from goc.errors import SegmentError
 from goc.events import Listener, Progress
-from goc.geometry.voxels import ball, cells_of, find_keys, pack_cells, pack_offset, sum_by_key
+from goc.geometry.voxels import HALF, cells_of, find_keys, pack_cells, sum_by_key
 from goc.scene import Camera, Capture
 from goc.segment.config import SegmentConfig
 
+MARGIN = 16
+"""Cells kept free at the border of what keys can hold, for steps to neighbours."""
 VOXEL_PER_DEPTH = 0.006
 """Voxel edge as a share of the median depth: about two pixels of a 384-pixel image of 66°."""
+VOXEL_M = (0.004, 0.025)
+"""Bounds of that edge, metres; coarse images may exceed it."""
+PIXELS_PER_VOXEL = 1.3
+"""A voxel spans at least so many pixels, or surfaces would come apart."""
+PINHOLES = 0.02
+"""Share of lone missing pixels from which a depth image counts as riddled with holes."""
 HAZE = 0.2
 """A sheet that fewer views saw than this share of those that saw the one before or behind it is noise."""
 FEW = 0.1
 """Where the typical voxel has many views, one with less than this share of them (at most three) is noise."""
 EDGE = 0.04
-"""Depth steps between neighbouring samples above this share of the depth are edges, where depth is not to be trusted."""
+"""Depth steps between neighbouring samples above this share of the depth are edges, where depth is not trusted."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,15 +110,20 @@ def depth_of(views: Capture, index: int) -> Float[np.ndarray, "h w"] | None:
     return np.where(np.isfinite(z) & (z > 0), z, np.nan)
 
 
+def by_name(views: Capture) -> list[int]:
+    """Views in the order of their names."""
+    return sorted(range(len(views)), key=lambda index: views.names[index])
+
+
 def fuse(views: Capture, config: SegmentConfig, notify: Listener) -> Surface:
     """Fuse the depth of (at most `max_views`) views into voxels.
 
     Views are taken in the order of their names, so the result does not depend on the order of the capture.
 
     Raises:
-        SegmentError: no view has depth.
+        SegmentError: no view has depth, or no surface shows in it.
     """
-    order = sorted(range(len(views)), key=lambda index: views.names[index])
+    order = by_name(views)
     kept = [order[round(i)] for i in np.linspace(0, len(order) - 1, min(len(order), config.max_views))] if order else []
     voxel, stride = _resolution(views, kept, config)
     keys, sums = np.zeros(0, np.int64), np.zeros((0, 8))
@@ -123,6 +137,11 @@ def fuse(views: Capture, config: SegmentConfig, notify: Listener) -> Surface:
             voxel *= 1.25
             keys, sums = _coarsen(sums, voxel)
         notify(Progress(stage="segment", done=done, total=len(kept), figures={"voxels": float(len(keys))}))
+    if not len(keys):
+        raise SegmentError(
+            f"the depth of the {len(views)} views (first: {views.names[0]}) shows no continuous surface. "
+            "Check its unit and that it is z along the optical axis, or give ids with the capture."
+        )
     return _surface(keys, sums, voxel)
 
 
@@ -136,12 +155,15 @@ def _resolution(views: Capture, kept: list[int], config: SegmentConfig) -> tuple
             footprints.append(medians[-1] / float(views.cameras[index].focal_px.max()))
     if not medians:
         raise SegmentError(
-            f"none of the {len(views)} views has depth (first: {views.names[0] if len(views) else 'no view'}), and telling "
-            "objects apart without masks needs it. Give depth images, or ids with the capture."
+            f"none of the {len(views)} views has depth (first: {views.names[0] if len(views) else 'no view'}), and "
+            "telling objects apart without masks needs it. Give depth images, or ids with the capture."
         )
-    metres = float(np.clip(VOXEL_PER_DEPTH * np.median(medians) / views.unit, 0.004, 0.025))
-    voxel = (config.voxel_m or metres) * views.unit
-    return voxel, max(1, int(0.6 * voxel / np.median(footprints)))
+    if config.voxel_m is not None:
+        voxel = config.voxel_m * views.unit
+    else:
+        voxel = float(np.clip(VOXEL_PER_DEPTH * np.median(medians), *(side * views.unit for side in VOXEL_M)))
+        voxel = max(voxel, PIXELS_PER_VOXEL * float(np.median(footprints)))
+    return voxel, max(1, int(voxel / np.median(footprints) / PIXELS_PER_VOXEL))
 
 
 def _splat_view(views: Capture, index: int, voxel: float, stride: int) -> tuple[np.ndarray, np.ndarray]:
@@ -149,14 +171,30 @@ def _splat_view(views: Capture, index: int, voxel: float, stride: int) -> tuple[
     z = depth_of(views, index)
     if z is None:
         return np.zeros(0, np.int64), np.zeros((0, 8))
+    z = without_pinholes(z)
     points = back_project(z, views.cameras[index], stride)
     normals = _normals(points, z[::stride, ::stride], views.cameras[index].position.double().numpy())
-    chosen = np.isfinite(normals[..., 0])
+    reach = (HALF - MARGIN) * voxel
+    with np.errstate(invalid="ignore"):
+        chosen = np.isfinite(normals[..., 0]) & (np.abs(points) < reach).all(-1)
     points, normals = points[chosen], normals[chosen]
     rows = np.concatenate([points, normals, np.ones((len(points), 1)), np.zeros((len(points), 1))], 1)
     keys, sums = sum_by_key(pack_cells(cells_of(points, voxel)), rows)
     sums[:, 7] = 1
     return keys, sums
+
+
+def without_pinholes(depth: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """Fill lone missing pixels, such as a warp into another camera leaves, where what is round them is one surface."""
+    missing = np.isnan(depth)
+    lone = missing[:, 1:-1] & ~missing[:, :-2] & ~missing[:, 2:]
+    if lone.mean() < PINHOLES:
+        return depth
+    high = maximum_filter(np.where(missing, -np.inf, depth), 3)
+    low = minimum_filter(np.where(missing, np.inf, depth), 3)
+    with np.errstate(invalid="ignore"):
+        smooth = missing & (high - low <= EDGE * low)
+        return np.where(smooth, 0.5 * (high + low), depth)
 
 
 def _normals(

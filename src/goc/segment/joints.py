@@ -25,9 +25,9 @@ UNDER_M = 0.1
 HANGS_M = 0.15
 """What hangs in the air belongs to the seat next to it, so near, metres."""
 CLOSE_M = 0.04
-"""What ends so close below a face carries it, wherever it begins: aprons, drawers. Cracks are at most so wide, metres."""
+"""What ends so close below a face, metres, carries it, wherever it begins: an apron, a drawer. So wide are cracks."""
 RISES_M = 0.05
-"""What stands higher than this above a face, metres, and beside it, such as a chair at a table, is a thing of its own."""
+"""What rises higher than this above a face, metres, and beside it is a thing of its own: a chair at a table."""
 BROAD = 0.8
 """A part touches another broadly from this many voxels on, in units of the square root of its size."""
 SPECK = 12
@@ -54,9 +54,8 @@ class Parts:
 
     def joined(self) -> Int64[np.ndarray, "v"]:
         """Number of the thing of each voxel: legs, aprons, backs and shelves joined to their supports; -1 = none."""
-        carriers = {part: support for support in range(len(self.supports)) for part in self._carriers_of(support)}
         links = [(self.bodies + n, part) for n in range(len(self.supports)) for part in self._carriers_of(n)]
-        links += self._across_rims(carriers)
+        links += self._across_rims({part: face - self.bodies for face, part in links})
         links += self._strays(links)
         small = self.sizes < SPECK
         links = [(a, b) for a, b in links if not (small[a] or small[b])] + self._specks(small)
@@ -74,15 +73,8 @@ class Parts:
         """How many parts are not supports."""
         return int(self.ids.max(initial=-1)) + 1 - len(self.supports)
 
-    @cached_property
-    def _carried(self) -> list[list[int]]:
-        return [self._find_carriers(number) for number in range(len(self.supports))]
-
     def _carriers_of(self, number: int) -> list[int]:
         """Bodies that belong to a support."""
-        return self._carried[number]
-
-    def _find_carriers(self, number: int) -> list[int]:
         support = self.supports[number]
         above = self._share(support.plane.distance(self.surface.points) > 0)
         found = set(self._legs(support, above))
@@ -92,7 +84,7 @@ class Parts:
                 found.add(part)
         seat = self._is_seat(support)
         for part, at in self._grouped(self._near(support)):
-            low_back = seat and above[part] < ABOVE
+            low_back = seat and bool(above[part] < ABOVE)
             if self._rim_share(support, at, low_back) >= (SEAT_RIM_SHARE if low_back else RIM_SHARE):
                 found.add(part)
         return sorted(found)
@@ -109,14 +101,16 @@ class Parts:
     def _is_seat(self, support: Support) -> bool:
         """Whether a face is no higher than people sit: what rises at its rim from below is its arm or back."""
         floor = self.room.floor
-        return floor is not None and floor.distance(self.surface.points[support.rows]).mean() < SEAT_M * self.unit
+        return floor is not None and bool(floor.distance(self.surface.points[support.rows]).mean() < SEAT_M * self.unit)
 
     def _near(self, support: Support) -> Int64[np.ndarray, "m"]:
         """Rows of bodies near a face, cracks between the two included."""
         span = UNDER_M * self.unit
         rows = np.flatnonzero((self.ids >= 0) & (self.ids < self.bodies))
         rows = rows[np.abs(support.plane.distance(self.surface.points[rows])) < span]
-        distance, _ = cKDTree(self.surface.points[support.rows]).query(self.surface.points[rows], distance_upper_bound=span)
+        distance, _ = cKDTree(self.surface.points[support.rows]).query(
+            self.surface.points[rows], distance_upper_bound=span
+        )
         return rows[np.isfinite(distance)]
 
     def _rim_share(self, support: Support, at: Int64[np.ndarray, "m"], wide: bool) -> float:
@@ -161,13 +155,14 @@ class Parts:
         """Whether a body outside continues what carries the face: it touches broadly and stays below."""
         rows = np.flatnonzero(self.ids == part)
         rises = (support.plane.distance(self.surface.points[rows]) > RISES_M * self.unit).mean() > 1 - ABOVE
-        return not rises and len(np.unique(at)) >= BROAD * np.sqrt(len(rows))
+        return bool(not rises and len(np.unique(at)) >= BROAD * np.sqrt(len(rows)))
 
     def _strays(self, links: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Bodies that cannot stand alone, joined to what is next to them.
 
-        They lie wholly below a face and touch nothing, such as the legs of a sofa, or they hang in the air over or beside a
-        face no higher than a seat, such as its cushions. Beside a table it may be the back of a chair that hangs there.
+        They lie wholly below a face and touch nothing, such as the legs of a sofa, or they hang in the air over or
+        beside a face no higher than a seat, such as its cushions. (Beside a table it may be the back of a chair that
+        hangs there, its legs never seen.)
         """
         carried, seated = self._carried_and_seated(links)
         a, b = (self.ids[rows] for rows in self.touching)

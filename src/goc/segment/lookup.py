@@ -6,11 +6,12 @@ import numpy as np
 from jaxtyping import Float, Int16, Int64
 from scipy.spatial import cKDTree
 
-from goc.geometry.voxels import cells_of, dilate, find_keys, pack_cells
+from goc.geometry.voxels import HALF, cells_of, dilate, find_keys, pack_cells
 from goc.scene import UNLABELLED
-from goc.segment.fuse import Surface
+from goc.segment.fuse import MARGIN, Surface
 
 MIXED = -2
+"""Of a cell: its neighbourhood holds several ids, ask for the nearest voxel."""
 
 
 class IdField:
@@ -37,7 +38,8 @@ class IdField:
 
     def __call__(self, points: Float[np.ndarray, "p 3"]) -> Int16[np.ndarray, "p"]:
         """Ids of finite points."""
-        rows = find_keys(self._keys, pack_cells(cells_of(points, self._voxel)))
+        reach = (HALF - MARGIN) * self._voxel
+        rows = find_keys(self._keys, pack_cells(cells_of(np.clip(points, -reach, reach), self._voxel)))
         ids = np.where(rows >= 0, self._plain[rows], UNLABELLED)
         asked = np.flatnonzero(ids == MIXED)
         distance, nearest = self._tree.query(points[asked], distance_upper_bound=self._reach)

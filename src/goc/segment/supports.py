@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, binary_fill_holes
 
-from goc.geometry.planes import Plane, find_plane, spread
+from goc.geometry.planes import Plane, along, find_plane, spread
 from goc.geometry.voxels import parts_of
 from goc.segment.config import SegmentConfig
 from goc.segment.fuse import Surface
@@ -59,11 +59,13 @@ class Support:
     """Holes filled: what stands on the face hides it."""
 
 
-def ground_cells(points: Float[np.ndarray, "v 3"], up: Float[np.ndarray, "3"], voxel: float) -> Int64[np.ndarray, "v 2"]:
+def ground_cells(
+    points: Float[np.ndarray, "v 3"], up: Float[np.ndarray, "3"], voxel: float
+) -> Int64[np.ndarray, "v 2"]:
     """The cell of the horizontal plane over which each point lies."""
     east = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     east /= np.linalg.norm(east)
-    return np.floor(np.stack([points @ east, points @ np.cross(up, east)], 1) / voxel).astype(np.int64)
+    return np.floor(np.stack([along(points, east), along(points, np.cross(up, east))], 1) / voxel).astype(np.int64)
 
 
 def footprint_of(cells: Int64[np.ndarray, "m 2"]) -> Footprint:
@@ -89,42 +91,55 @@ def find_supports(
     rng: np.random.Generator,
 ) -> list[Support]:
     """Connected horizontal planes among what is not room, of at least `min_support_m2`, above knee-deep things."""
-    heights = surface.points @ room.up if room.floor is None else room.floor.distance(surface.points)
-    free = ~room.mask if room.floor is None else ~room.mask & (heights > LOWEST_M * unit)
-    level = free & (surface.normals @ room.up > LEVEL)
+    free = ~room.mask
+    if room.floor is not None:
+        free &= room.floor.distance(surface.points) > LOWEST_M * unit
+    level = free & (along(surface.normals, room.up) > LEVEL)
     parts = parts_of(surface.keys, level, 1.8)
+    sizes = np.bincount(parts[level], minlength=1)
     needed = config.min_support_m2 * (unit / surface.voxel) ** 2
-    sizes = np.bincount(parts[level]) if level.any() else np.zeros(0, np.int64)
     found: list[Support] = []
-    for part in sorted(np.flatnonzero(sizes >= needed), key=lambda part: -sizes[part]):
+    for part in np.argsort(-sizes, kind="stable")[: (sizes >= needed).sum()]:
         left = np.flatnonzero(parts == part)
         while len(left) >= needed:
-            plane = find_plane(surface.points[left], surface.normals[left], 0.75 * surface.voxel, rng, trials=60)
-            if plane is None or plane.normal @ room.up < LEVEL:
+            face = _largest_face(surface, left, free, cells, room.up, unit, rng)
+            if face is None or len(face.rows) < needed:
                 break
-            distance = np.abs(plane.distance(surface.points[left]))
-            near = 3.0 * spread(distance[distance < max(2 * surface.voxel, FLAT_M * unit)])
-            near = max(0.75 * surface.voxel, min(near, FLAT_M * unit))
-            mine = left[distance <= near]
-            if len(mine) < needed:
-                break
-            left = np.setdiff1d(left, mine)
-            footprint = footprint_of(cells[mine])
-            layer = np.flatnonzero(free & (np.abs(plane.distance(surface.points)) <= near))
-            layer = layer[footprint.holds(cells[layer])]
-            layer = np.setdiff1d(layer, np.concatenate([support.rows for support in found])) if found else layer
-            left = np.setdiff1d(left, layer)
-            if len(layer) >= needed and not _lies_on(plane, cells[layer], surface, unit, found):
-                found.append(Support(plane, layer, footprint))
+            left = np.setdiff1d(left, face.rows)
+            free[face.rows] = False
+            if not _lies_on(face, cells, unit, found):
+                found.append(face)
     return found
 
 
-def _lies_on(
-    plane: Plane, cells: Int64[np.ndarray, "m 2"], surface: Surface, unit: float, supports: list[Support]
-) -> bool:
+def _largest_face(
+    surface: Surface,
+    rows: Int64[np.ndarray, "m"],
+    free: Bool[np.ndarray, "v"],
+    cells: Int64[np.ndarray, "v 2"],
+    up: Float[np.ndarray, "3"],
+    unit: float,
+    rng: np.random.Generator,
+) -> Support | None:
+    """The largest horizontal plane among some voxels, with all that is free in its layer over its footprint."""
+    plane = find_plane(surface.points[rows], surface.normals[rows], 0.75 * surface.voxel, rng, trials=60)
+    if plane is None or plane.normal @ up < LEVEL:
+        return None
+    distance = plane.distance(surface.points[rows])
+    noise = spread(distance[np.abs(distance) < max(2 * surface.voxel, FLAT_M * unit)])
+    near = max(0.75 * surface.voxel, min(3.0 * noise, FLAT_M * unit))
+    mine = rows[np.abs(distance) <= near]
+    if not len(mine):
+        return None
+    footprint = footprint_of(cells[mine])
+    layer = np.flatnonzero(free & (np.abs(plane.distance(surface.points)) <= near))
+    return Support(plane, np.union1d(mine, layer[footprint.holds(cells[layer])]), footprint)
+
+
+def _lies_on(face: Support, cells: Int64[np.ndarray, "v 2"], unit: float, supports: list[Support]) -> bool:
     """Whether a face lies over a larger one at less than a hand's height: the top of a thing that stands there."""
     for support in supports:
-        height = plane.offset - support.plane.offset
-        if 0 < height < APART_M * unit and support.footprint.holds(cells).mean() > 0.5:
+        height = face.plane.offset - support.plane.offset
+        if 0 < height < APART_M * unit and support.footprint.holds(cells[face.rows]).mean() > 0.5:
             return True
     return False
