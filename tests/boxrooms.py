@@ -1,4 +1,4 @@
-"""Rooms of axis-aligned boxes on a floor before walls, with exact depth and ids of every pixel: closed form by slabs."""
+"""Rooms of axis-aligned boxes on a floor before a wall, with exact depth and ids: closed form by slabs."""
 
 from dataclasses import dataclass
 

@@ -130,7 +130,7 @@ def fuse(views: Capture, config: SegmentConfig, notify: Listener) -> Surface:
     pending: list[tuple[np.ndarray, np.ndarray]] = []
     for done, index in enumerate(kept, 1):
         pending.append(_splat_view(views, index, voxel, stride))
-        if len(pending) == 16 or done == len(kept):
+        if len(pending) == 8 or done == len(kept):
             keys, sums = _merge([(keys, sums), *pending])
             pending = []
         while len(keys) > config.max_voxels:

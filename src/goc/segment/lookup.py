@@ -21,10 +21,9 @@ class IdField:
         kept = ids != UNLABELLED
         self._voxel = surface.voxel
         self._reach = reach * surface.voxel
-        self._ids = ids[kept]
+        self._ids = ids[kept].astype(np.int16)
         self._tree = cKDTree(surface.points[kept])
-        self._keys, rows = dilate(surface.keys[kept], np.arange(kept.sum()), math.ceil(reach))
-        near = self._ids[rows]
+        self._keys, near = dilate(surface.keys[kept], self._ids, math.ceil(reach))
         self._plain = self._settle(near)
 
     def _settle(self, near: np.ndarray) -> np.ndarray:

@@ -38,11 +38,8 @@ class Footprint:
         return held
 
     def grown(self, cells: int) -> "Footprint":
-        """With everything within so many cells; -n shrinks."""
-        if cells < 0:
-            return Footprint(self.origin, binary_erosion(self.mask, iterations=-cells))
-        mask = np.pad(self.mask, cells)
-        return Footprint(self.origin - cells, binary_dilation(mask, iterations=cells) if cells else mask)
+        """With everything within so many steps, at least one."""
+        return Footprint(self.origin - cells, binary_dilation(np.pad(self.mask, cells), iterations=cells))
 
     def rim(self) -> Int64[np.ndarray, "q 2"]:
         """Cells at its border."""
