@@ -25,7 +25,7 @@ CAPTURES = {"170": "transforms.json", "50": "transforms_sparse.json"}
 def carve(source: Path, out: Path, extra: list[str]) -> None:
     """Run the command, and keep its wall clock beside its output."""
     start = time.perf_counter()
-    subprocess.run([sys.executable, "-m", "goc", "carve", str(source), "--out", str(out), *extra], check=True)
+    subprocess.run([sys.executable, "-m", "goc.cli", "carve", str(source), "--out", str(out), *extra], check=True)
     (out / "wall_seconds.txt").write_text(f"{time.perf_counter() - start:.1f}")
 
 

@@ -1,4 +1,4 @@
-// Python face of the fused losses and of Adam.
+// Python face of the fused losses, of Adam and of normals from depth.
 #include <cmath>
 #include <optional>
 
@@ -9,6 +9,7 @@
 #include "geometry_loss.hpp"
 #include "lanes.hpp"
 #include "photometric.hpp"
+#include "plane_normals.hpp"
 #include "threads.hpp"
 
 namespace goc {
@@ -46,6 +47,17 @@ void bind_losses(nb::module_& module) {
           nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("prior_depth"), nb::arg("prior_normals").none(), nb::arg("fx"),
           nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("depth_weight"), nb::arg("normal_weight"),
           nb::arg("numerator_grad"), nb::arg("denominator_grad"));
+  module.def(
+      "plane_normals",
+      [](Plane depth, float fx, float fy, float cx, float cy, int radius, float agree, int fewest, ImageOut normals) {
+        check(normals.shape(0) == depth.shape(0) && normals.shape(1) == depth.shape(1) && normals.shape(2) == 3,
+              "normals must be (height, width, 3)");
+        const DepthImage image{depth.data(), (int)depth.shape(1), (int)depth.shape(0), fx, fy, cx, cy};
+        nb::gil_scoped_release release;
+        plane_normals(image, radius, agree, fewest, normals.data());
+      },
+      nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("radius"), nb::arg("agree"),
+      nb::arg("fewest"), nb::arg("normals"), "Normals of planes fitted to windows of a depth image.");
   module.def(
       "adam",
       [](Flat x, In<kAny> grad, Flat first, Flat second, double rate, double beta1, double beta2, double epsilon,

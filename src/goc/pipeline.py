@@ -7,7 +7,7 @@ from goc.capture import CaptureConfig, load_capture
 from goc.events import Listener, ignore
 from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
-from goc.reconstruct import ReconstructConfig, reconstruct, vote_labels
+from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
 from goc.scene import SceneAssets
 from goc.segment import SegmentConfig, segment
 
@@ -30,7 +30,16 @@ class CarveConfig:
 
 PRESETS = {
     "fast": CarveConfig(),
-    "paper": CarveConfig(reconstruct=ReconstructConfig(iterations=30_000, sh_degree=3, labels="learned")),
+    "paper": CarveConfig(
+        reconstruct=ReconstructConfig(
+            iterations=30_000,
+            sh_degree=3,
+            depth="expected",
+            labels="learned",
+            losses=LossWeights(depth=0.3),
+            mcmc=Mcmc(growth=0.05),
+        )
+    ),
 }
 
 

@@ -1,11 +1,13 @@
 """Normals of depth images: closed form on planes, and what noise and edges do."""
 
+import numpy as np
 import pytest
 import torch
 
 from goc.geometry.normals import fitted_normals, fitting_radius, normals_from_depth
 from goc.geometry.rays import pixel_rays, points_from_depth
 from goc.scene import Camera
+from oracles import normals as oracle
 
 
 def camera() -> Camera:
@@ -65,3 +67,21 @@ def test_missing_depth_has_no_normal():
     depth = torch.full((48, 64), torch.nan)
     assert torch.isnan(fitted_normals(depth, camera(), 2)).all()
     assert fitting_radius(depth, camera()) == 1
+
+
+@pytest.mark.parametrize("radius", [1, 3])
+def test_fitted_normals_match_the_oracle(radius):
+    generator = torch.Generator().manual_seed(radius)
+    bumps = 0.02 * torch.randn(48, 64, generator=generator)
+    depth = plane(torch.nn.functional.normalize(torch.tensor([0.3, -0.2, -1.0]), dim=0), 2.0) + bumps
+    depth[10:14, 20:30] = torch.nan
+    depth[30:, 40:] += 1.0
+    fast = fitted_normals(depth, camera(), radius).numpy()
+    points = points_from_depth(depth, camera()).double().numpy()
+    for y in range(0, 48, 3):
+        for x in range(0, 64, 3):
+            expected = oracle.fitted_normal(points, x, y, radius, 0.05)
+            if expected is None:
+                assert np.isnan(fast[y, x]).all()
+            else:
+                assert fast[y, x] == pytest.approx(expected, abs=2e-3)

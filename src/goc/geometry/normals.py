@@ -4,6 +4,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from goc import _native
 from goc.geometry.rays import pixel_rays
 from goc.scene.camera import Camera
 
@@ -42,36 +43,19 @@ def fitting_radius(depth: Float[Tensor, "h w"], camera: Camera) -> int:
     return 4
 
 
+_AGREE = 0.05
+"""Neighbours within this share of a pixel's depth lie on its surface."""
+
+
 def fitted_normals(depth: Float[Tensor, "h w"], camera: Camera, radius: int) -> Float[Tensor, "h w 3"]:
     """Normals of planes fitted to windows of a z-depth image, unit, camera axes, facing the camera; NaN = none.
 
     On a plane inverse depth is linear in the pixel: 1/z = A·u + B·v + C on rays (u, v, 1), with normal ∝ (A, B, C).
     Least squares over the window's pixels within 5 % of the middle's depth, so that the fit stays on one side of an
-    edge; at least half of the window must be there.
+    edge; at least half of the window must be there. Twin: tests/oracles/normals.py.
     """
-    rows, columns = depth.shape
-    inverse = torch.nn.functional.pad(1.0 / depth, (radius,) * 4, value=torch.nan)
-    middle = 1.0 / depth
-    moments = torch.zeros(9, rows, columns)  # Σ1, Σi, Σj, Σii, Σij, Σjj, Σq, Σiq, Σjq over offsets (i, j), q = 1/z
-    for j in range(-radius, radius + 1):
-        for i in range(-radius, radius + 1):
-            q = inverse[radius + j : radius + j + rows, radius + i : radius + i + columns]
-            near = ((q - middle).abs() < 0.05 * middle).float()
-            q = torch.nan_to_num(q) * near
-            for place, term in enumerate((near, i * near, j * near, i * i * near, i * j * near, j * j * near)):
-                moments[place] += term
-            for place, term in enumerate((q, i * q, j * q)):
-                moments[6 + place] += term
-    n, si, sj, sii, sij, sjj, sq, siq, sjq = moments
-    # Centred normal equations of q = a·i + b·j + c.
-    cii, cij, cjj = sii - si * si / n, sij - si * sj / n, sjj - sj * sj / n
-    ciq, cjq = siq - si * sq / n, sjq - sj * sq / n
-    determinant = cii * cjj - cij * cij
-    a, b = (ciq * cjj - cjq * cij) / determinant, (cjq * cii - ciq * cij) / determinant
-    c = (sq - a * si - b * sj) / n
-    rays = pixel_rays(camera)
-    slope_u, slope_v = a * camera.focal_px[0], b * camera.focal_px[1]
-    plane = torch.stack([slope_u, slope_v, c - slope_u * rays[..., 0] - slope_v * rays[..., 1]], -1)
-    normals = -torch.nn.functional.normalize(plane, dim=-1)
-    enough = (n >= 0.5 * (2 * radius + 1) ** 2) & (determinant > 1e-3 * n * n)
-    return torch.where((enough & torch.isfinite(normals).all(-1))[..., None], normals, torch.nan)
+    normals = torch.zeros(*depth.shape, 3)
+    lens = (*camera.focal_px.tolist(), *camera.centre_px.tolist())
+    fewest = (2 * radius + 1) ** 2 // 2 + 1
+    _native.plane_normals(depth.contiguous(), *lens, radius, _AGREE, fewest, normals)
+    return normals
