@@ -11,7 +11,7 @@ from goc.segment.config import SegmentConfig
 from goc.segment.fuse import Surface
 from goc.segment.joints import Parts
 from goc.segment.room import Room
-from goc.segment.supports import Support, find_supports, ground_cells, reach_of
+from goc.segment.supports import BELOW, Support, find_supports, ground_cells, reach_of
 
 CONNECTED = 1.8
 """Voxels this many cells apart are one part: all 26 neighbours."""
@@ -59,7 +59,7 @@ def _columns(
     """Whether each voxel lies below some support or its rim."""
     column = np.zeros(len(surface), bool)
     for support in supports:
-        below = support.plane.distance(surface.points) < 0.75 * surface.voxel
+        below = support.plane.distance(surface.points) < BELOW * surface.voxel
         column |= below & reach_of(support, surface, unit).holds(cells)
     return column
 

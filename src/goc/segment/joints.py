@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from goc.geometry.voxels import connected_parts
 from goc.segment.fuse import Surface
 from goc.segment.room import Room
-from goc.segment.supports import Support, reach_of
+from goc.segment.supports import BELOW, Support, reach_of
 
 ABOVE = 0.85
 """A part with this share of its voxels above a face stands on it, or rises from its rim."""
@@ -20,7 +20,7 @@ SEAT_RIM_SHARE = 0.03
 """The same where the face is no higher than a seat and the part rises past it from below: arms and backs."""
 SEAT_M = 0.55
 """No seat is higher above the floor, metres, and hardly a table lower."""
-UNDER_M = 0.1
+UNDER_M = 0.12
 """Legs end at most so far below the face they carry, metres: what is between may never have been seen."""
 HANGS_M = 0.15
 """What hangs in the air belongs to the seat next to it, so near, metres."""
@@ -76,7 +76,7 @@ class Parts:
     def _carriers_of(self, number: int) -> list[int]:
         """Bodies that belong to a support."""
         support = self.supports[number]
-        above = self._share(support.plane.distance(self.surface.points) > 0)
+        above = self._share(support.plane.distance(self.surface.points) > BELOW * self.surface.voxel)
         found = set(self._legs(support, above))
         own, other = self.touching
         for part, at in self._grouped(other[self.ids[own] == self.bodies + number]):

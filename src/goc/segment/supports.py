@@ -14,6 +14,8 @@ from goc.segment.room import LEVEL, Room
 
 LOWEST_M = 0.2
 """A face lower than this above the floor carries nothing: it is a plinth, a rug, a foot."""
+BELOW = 0.75
+"""What lies up to so many voxels over a face counts as below: its own thickness."""
 RIM_M = 0.04
 """A face may reach so far beyond where it was recognised, metres."""
 FLAT_M = 0.02
