@@ -89,7 +89,9 @@ def geometry_loss(
         depth_weight: λ_d, per scene unit.
         normal_weight: λ_dn.
     """
-    return _Geometry.apply(depth.numerator, depth.denominator, depth.alpha, prior, camera, depth_weight, normal_weight)
+    return _Geometry.apply(
+        depth.numerator, depth.denominator, depth.alpha, prior, camera, (depth_weight, normal_weight)
+    )
 
 
 class _Geometry(torch.autograd.Function):
@@ -101,21 +103,20 @@ class _Geometry(torch.autograd.Function):
         alpha: Tensor,
         prior: GeometryPrior,
         camera: Camera,
-        depth_weight: float,
-        normal_weight: float,
+        weights: tuple[float, float],
     ) -> Tensor:
         gradients = torch.empty(2, *numerator.shape)
         images = (image.detach().contiguous() for image in (numerator, denominator, alpha, prior.depth))
-        normals = None if prior.normals is None or not normal_weight else prior.normals.contiguous()
+        normals = None if prior.normals is None or not weights[1] else prior.normals.contiguous()
         lens = (*camera.focal_px.tolist(), *camera.centre_px.tolist())
-        depth, depth_normal = _geometry(*images, normals, *lens, depth_weight, normal_weight, *gradients)
+        depth, depth_normal = _geometry(*images, normals, *lens, *weights, *gradients)
         ctx.save_for_backward(gradients)
-        return torch.tensor(depth_weight * depth + normal_weight * depth_normal, dtype=torch.float32)
+        return torch.tensor(weights[0] * depth + weights[1] * depth_normal, dtype=torch.float32)
 
     @staticmethod
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         (gradients,) = ctx.saved_tensors
-        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None, None
+        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None
 
 
 def identity_loss(logits: Float[Tensor, "p k"], classes: Int16[Tensor, "p"]) -> Float[Tensor, ""]:
