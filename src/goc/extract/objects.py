@@ -55,7 +55,7 @@ def extract_objects(views: Capture, config: ExtractConfig, notify: Listener = ig
             notify(_missing(wanted, views))
     boxes = {wanted: evidence_lattice(found.mesh.vertices, views.unit, config) for wanted, found in surfaces.items()}
     return tuple(
-        _object_mesh(wanted, surfaces[wanted], evidence_grid(box, config), views)
+        _object_mesh(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
         for wanted, box in _fused(boxes, views, config, "gather evidence", notify)
     )
 
