@@ -43,7 +43,7 @@ goc::DepthView depth_view(Image depth, Image slope, Colours colours, Pinhole pin
   return view;
 }
 
-void fuse_view(nb::ndarray<const double, nb::shape<5>, nb::c_contig, nb::device::cpu> lattice, Blocks blocks, Image depth,
+void bound_fuse_view(nb::ndarray<const double, nb::shape<5>, nb::c_contig, nb::device::cpu> lattice, Blocks blocks, Image depth,
                Image slope, Colours colours, Pinhole pinhole, std::optional<Ids> ids, int wanted, Sums sums) {
   goc::DepthView view = depth_view(depth, slope, colours, pinhole);
   if (ids) {
@@ -57,7 +57,7 @@ void fuse_view(nb::ndarray<const double, nb::shape<5>, nb::c_contig, nb::device:
   goc::fuse_view(frame, blocks.data(), blocks.shape(0), view, wanted, sums.data());
 }
 
-void depth_slope(Image depth, Pinhole pinhole, int radius, double agree, int fewest,
+void bound_depth_slope(Image depth, Pinhole pinhole, int radius, double agree, int fewest,
                  nb::ndarray<float, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu> slope) {
   same_size(depth, slope, "depth and slope differ in size");
   if (radius < 1 || radius > 8) throw std::invalid_argument("radius must be 1 to 8 pixels");
@@ -77,7 +77,7 @@ nb::ndarray<nb::numpy, T, nb::ndim<2>> rows(std::vector<T>&& values) {
   return {kept->data(), {kept->size() / columns, columns}, owner};
 }
 
-auto count_cells(Image depth, Image slope, std::optional<Ids> ids, Pinhole pinhole,
+auto bound_count_cells(Image depth, Image slope, std::optional<Ids> ids, Pinhole pinhole,
                  nb::ndarray<const double, nb::shape<3, 4>, nb::c_contig, nb::device::cpu> world_from_cam, double cell) {
   same_size(depth, slope, "depth and slope differ in size");
   if (!(cell > 0)) throw std::invalid_argument("cells need an edge");
@@ -99,7 +99,7 @@ auto count_cells(Image depth, Image slope, std::optional<Ids> ids, Pinhole pinho
   return std::make_pair(rows<std::uint64_t, 1>(std::move(keys)), rows<std::int64_t, 1>(std::move(hits)));
 }
 
-auto isosurface(Blocks blocks, Values values) {
+auto bound_isosurface(Blocks blocks, Values values) {
   if (blocks.shape(0) != values.shape(0)) throw std::invalid_argument("one set of values a block");
   goc::Isosurface surface;
   {
@@ -112,15 +112,19 @@ auto isosurface(Blocks blocks, Values values) {
 
 }  // namespace
 
+namespace goc {
+
 void bind_fuse(nb::module_& module) {
   module.attr("FUSE_SUMS") = static_cast<int>(goc::kSums);
-  module.def("fuse_view", &fuse_view, nb::arg("lattice"), nb::arg("blocks"), nb::arg("depth"), nb::arg("slope"),
+  module.def("fuse_view", &bound_fuse_view, nb::arg("lattice"), nb::arg("blocks"), nb::arg("depth"), nb::arg("slope"),
              nb::arg("colours"), nb::arg("pinhole"), nb::arg("ids").none(), nb::arg("wanted"),
              nb::arg("sums").noconvert(), "Add one depth image to the sums of sparse voxel blocks.");
-  module.def("depth_slope", &depth_slope, nb::arg("depth"), nb::arg("pinhole"), nb::arg("radius"), nb::arg("agree"),
+  module.def("depth_slope", &bound_depth_slope, nb::arg("depth"), nb::arg("pinhole"), nb::arg("radius"), nb::arg("agree"),
              nb::arg("fewest"), nb::arg("slope").noconvert(), "Cosine between rays and the surface seen in a depth image.");
-  module.def("count_cells", &count_cells, nb::arg("depth"), nb::arg("slope"), nb::arg("ids").none(), nb::arg("pinhole"),
+  module.def("count_cells", &bound_count_cells, nb::arg("depth"), nb::arg("slope"), nb::arg("ids").none(), nb::arg("pinhole"),
              nb::arg("world_from_cam"), nb::arg("cell"), "Cells that pixels fall into, by id: keys and numbers.");
-  module.def("isosurface", &isosurface, nb::arg("blocks"), nb::arg("values"),
+  module.def("isosurface", &bound_isosurface, nb::arg("blocks"), nb::arg("values"),
              "Zero level over sparse voxel blocks: lattice edges (v, 2) and faces (t, 3).");
 }
+
+}  // namespace goc

@@ -97,8 +97,8 @@ class Fuser {
  public:
   Fuser(const Lattice& lattice, const DepthView& view, int wanted)
       : view_(view), projector_(lattice, view), wanted_(wanted), truncation_(static_cast<float>(lattice.truncation)),
-        plateau_(static_cast<float>(lattice.voxel)), radius_(static_cast<float>(lattice.voxel) * kBlockEdge * 0.87f),
-        reach_(10.0f * truncation_) {}
+        voxel_(static_cast<float>(lattice.voxel)), radius_(static_cast<float>(lattice.voxel) * kBlockEdge * 0.87f),
+        reach_(2.0f * truncation_) {}
 
   void block(const std::int32_t* coords, float* sums) const {
     const std::int64_t i = std::int64_t{coords[0]} * kBlockEdge, j = std::int64_t{coords[1]} * kBlockEdge,
@@ -120,15 +120,17 @@ class Fuser {
  private:
   void voxel(float u, float v, float z, int pixel, float* sum) const {
     const float nearest = view_.depth[pixel], slope = view_.slope[pixel];
+    // Further behind along the ray, an oblique tangent plane would speak for places that its surface never gets to.
     if (std::isnan(slope) || z - nearest > reach_) return;
     const float depth = sample_depth(view_, u, v, pixel, 2.0f * truncation_), weight = slope / (z * z);
     // The distance to the tangent plane, not along the ray: views from all sides then mean the same thing.
     const float distance = (depth - z) * slope;
-    if (distance > truncation_) sum[kEmpty] += weight;
-    if (std::abs(distance) > truncation_) return;
+    const bool own = !view_.ids || view_.ids[pixel] == wanted_;
+    if (distance > (own ? truncation_ : 0.5f * voxel_)) sum[kEmpty] += weight;
+    if (distance < -truncation_ || distance > truncation_) return;
     // Behind the surface trust fades: what is there may be the far side of something thin.
-    const float faded = weight * std::min(1.0f, (truncation_ + distance) / (truncation_ - plateau_));
-    if (view_.ids && view_.ids[pixel] != wanted_) {
+    const float faded = weight * std::min(1.0f, (truncation_ + distance) / (truncation_ - voxel_));
+    if (!own) {
       if (view_.ids[pixel] >= 0) sum[kOther] += faded;
       return;
     }
@@ -142,7 +144,7 @@ class Fuser {
   const DepthView& view_;
   Projector projector_;
   int wanted_;
-  float truncation_, plateau_, radius_, reach_;
+  float truncation_, voxel_, radius_, reach_;
 };
 
 }  // namespace

@@ -1,5 +1,6 @@
-"""Where surfaces are, coarsely: space cells that pixels hit, by id. It tells what to allocate and how big things are."""
+"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and how big things are."""
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -12,6 +13,8 @@ from goc.extract.depth import DepthView
 
 _BITS = 16
 _BIAS = 1 << (_BITS - 1)
+_MERGE_AT = 4_000_000
+"""Entries that may wait to be merged: 100 MB."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,23 +26,31 @@ class Cells:
     ids: Int32[np.ndarray, "n"]
     index: Int32[np.ndarray, "n 3"]
     hits: Int64[np.ndarray, "n"]
+    """Pixels, over all views."""
+    views: Int64[np.ndarray, "n"]
+    """Views with a pixel there."""
 
 
 def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> Cells:
-    """Count pixels a cell and id over all views; without by_id every pixel counts as id 0."""
-    keys, hits = np.zeros(0, np.uint64), np.zeros(0, np.int64)
-    pending: list[tuple[np.ndarray, np.ndarray]] = []
+    """Count pixels and views a cell and id; without by_id every pixel counts as id 0."""
+    merged = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
+    pending = [merged]
     for view in views:
         ids = view.ids if by_id else None
-        key, hit = _native.count_cells(view.depth, view.slope, ids, view.pinhole, view.world_from_cam, size)
-        pending.append((key[:, 0], hit[:, 0]))
-        if sum(len(key) for key, _ in pending) > 4_000_000:
-            keys, hits = _merge([(keys, hits), *pending])
-            pending = []
-    keys, hits = _merge([(keys, hits), *pending])
+        key, hits = _native.count_cells(view.depth, view.slope, ids, view.pinhole, view.world_from_cam, size)
+        pending.append((key[:, 0], np.concatenate([hits, np.ones_like(hits)], axis=1)))
+        if sum(len(key) for key, _ in pending[1:]) > _MERGE_AT:
+            pending = [_merge(pending)]
+    keys, counts = _merge(pending)
     shifts = np.array([3, 2, 1, 0], np.uint64) * np.uint64(_BITS)
     columns = (keys[:, None] >> shifts & np.uint64((1 << _BITS) - 1)).astype(np.int32) - _BIAS
-    return Cells(size=size, ids=columns[:, 0], index=np.ascontiguousarray(columns[:, 1:]), hits=hits)
+    return Cells(
+        size=size,
+        ids=columns[:, 0],
+        index=np.ascontiguousarray(columns[:, 1:]),
+        hits=counts[:, 0],
+        views=counts[:, 1],
+    )
 
 
 def object_cells(cells: Cells, wanted: int, least_share: float = 0.3) -> Int32[np.ndarray, "n 3"]:
@@ -49,6 +60,8 @@ def object_cells(cells: Cells, wanted: int, least_share: float = 0.3) -> Int32[n
     """
     totals = _totals(cells)
     own = (cells.ids == wanted) & (cells.hits >= least_share * totals)
+    if own.any():
+        own &= cells.views >= min(3, math.ceil(cells.views[own].max() / 10))  # flying pixels fly alone
     index, hits = cells.index[own], cells.hits[own]
     if len(index) == 0:
         return index
@@ -59,8 +72,9 @@ def object_cells(cells: Cells, wanted: int, least_share: float = 0.3) -> Int32[n
 
 def _merge(counted: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
     keys, inverse = np.unique(np.concatenate([key for key, _ in counted]), return_inverse=True)
-    hits = np.bincount(inverse, weights=np.concatenate([hit for _, hit in counted]), minlength=len(keys))
-    return keys, hits.astype(np.int64)
+    counts = np.concatenate([count for _, count in counted])
+    sums = [np.bincount(inverse, weights=counts[:, column], minlength=len(keys)) for column in range(2)]
+    return keys, np.stack(sums, axis=1).astype(np.int64)
 
 
 def _totals(cells: Cells) -> Int64[np.ndarray, "n"]:

@@ -23,9 +23,9 @@ class ExtractConfig:
     """Room left round an object's measured points in its evidence grid, metres."""
     least_views: int = 3
     """Views that must have measured a scene surface; a tenth of all views where that is fewer."""
-    empty_votes: float = 1.0
+    empty_votes: float = 0.5
     """A surface falls where rays that passed through outweigh those that ended there by this factor."""
-    other_votes: float = 2.0
+    other_votes: float = 4.0
     """A surface falls where rays that ended on another id outweigh the object's own by this factor."""
     crumb_share: float = 0.01
     """Pieces below this share of the area go unless nearly every ray agrees with them; below a tenth of it always."""
@@ -39,5 +39,5 @@ class ExtractConfig:
                 raise ConfigError(f"extract.{item.name} is {getattr(self, item.name)}: it must be above 0.")
         if self.truncation_voxels < 2.0:
             raise ConfigError(
-                f"extract.truncation_voxels is {self.truncation_voxels}: bands below 2 voxels leave holes. Use 2 or more."
+                f"extract.truncation_voxels is {self.truncation_voxels}: a band below 2 voxels leaves holes."
             )

@@ -1,22 +1,26 @@
 """What was measured in a box round an object: surface seen, seen empty, unknown."""
 
 import numpy as np
-from jaxtyping import Float32, Int32
+from jaxtyping import Bool, Float32, Float64, Int64
 
 from goc.extract.config import ExtractConfig
 from goc.extract.fuse import voted_distance
-from goc.extract.volume import BLOCK, Volume
+from goc.extract.volume import BLOCK, Lattice, Volume
 from goc.scene import Evidence, EvidenceGrid
 
+_KNOWN_LAYER = 0.02
+"""Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
-def evidence_volume(cells: Int32[np.ndarray, "n 3"], size: float, unit: float, config: ExtractConfig) -> Volume:
-    """An empty box of voxels round an object's cells, padded, its longest side `evidence_cells` long."""
+
+def evidence_lattice(points: Float32[np.ndarray, "v 3"], unit: float, config: ExtractConfig) -> Lattice:
+    """Box of voxels round an object's measured points: padded, `evidence_cells` along its longest side."""
     pad = config.evidence_pad * unit
-    low, high = cells.min(axis=0) * size - pad, (cells.max(axis=0) + 1) * size + pad
+    low, high = _extent(points)
+    low, high = low - pad, high + pad
     voxel = float((high - low).max()) / config.evidence_cells
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    return Volume(
+    return Lattice(
         origin=low + voxel / 2,
         voxel=voxel,
         truncation=config.truncation_voxels * voxel,
@@ -24,11 +28,13 @@ def evidence_volume(cells: Int32[np.ndarray, "n 3"], size: float, unit: float, c
     )
 
 
-def evidence_grid(volume: Volume, config: ExtractConfig) -> EvidenceGrid:
+def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: ExtractConfig) -> EvidenceGrid:
     """Read the votes of a box that every view was fused into.
 
-    Empty: some ray passed through it, whatever id its pixel has. Surface: a ray of the object's own pixels ended within
-    the truncation, and rays that passed do not outvote it. Unknown: everything else, other things' insides among it.
+    Surface: rays of the object's own pixels ended within the truncation, and rays that passed do not outvote them.
+    Empty: some ray passed through, whatever id its pixel has, or most rays that ended here ended on another id.
+    Unknown: everything else. Of the padding round the object's measured points, what lies behind a layer that no ray
+    crossed is cut off, such as what is below the floor.
 
     Returns:
         origin, voxel and sdf in scene units.
@@ -36,13 +42,42 @@ def evidence_grid(volume: Volume, config: ExtractConfig) -> EvidenceGrid:
     distance = voted_distance(volume, config)
     carved = volume.empty > config.empty_votes * volume.weight
     is_surface = ~np.isnan(distance) & ~carved
-    state = np.where(volume.empty > 0, Evidence.EMPTY, Evidence.UNKNOWN).astype(np.uint8)
-    state = np.where(is_surface, np.uint8(Evidence.SURFACE), state)
-    sdf = np.where(is_surface, distance, np.float32(0.0))
-    return EvidenceGrid(origin=volume.origin, voxel=volume.voxel, state=_dense(volume, state), sdf=_dense(volume, sdf))
+    passed = volume.empty > 0
+    state = np.where(passed | (volume.other > config.other_votes * volume.weight), Evidence.EMPTY, Evidence.UNKNOWN)
+    state = np.where(is_surface, Evidence.SURFACE, state).astype(np.uint8)
+    lattice = volume.lattice
+    low, high = (np.floor((end - lattice.origin) / lattice.voxel + 0.5).astype(np.int64) for end in _extent(points))
+    kept = _known_box(_dense(volume, passed), low, high)
+    return EvidenceGrid(
+        origin=lattice.origin + lattice.voxel * np.array([side.start for side in kept]),
+        voxel=lattice.voxel,
+        state=np.ascontiguousarray(_dense(volume, state)[kept]),
+        sdf=np.ascontiguousarray(_dense(volume, np.where(is_surface, distance, np.float32(0.0)))[kept]),
+    )
 
 
-def _dense(volume: Volume, field: Float32[np.ndarray, "b 8 8 8"] | np.ndarray) -> np.ndarray:
-    shape = volume.blocks.max(axis=0) + 1
+def _extent(points: Float32[np.ndarray, "v 3"]) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
+    return points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+
+
+def _known_box(
+    passed: Bool[np.ndarray, "x y z"], low: Int64[np.ndarray, "3"], high: Int64[np.ndarray, "3"]
+) -> tuple[slice, slice, slice]:
+    """Grow the box of voxels low … high outwards for as long as rays crossed the next layer."""
+    sides = []
+    for axis in range(3):
+        across = tuple(other for other in range(3) if other != axis)
+        known = passed.mean(axis=across) >= _KNOWN_LAYER
+        first, last = max(int(low[axis]), 0), min(int(high[axis]), len(known) - 1)
+        while first > 0 and known[first - 1]:
+            first -= 1
+        while last + 1 < len(known) and known[last + 1]:
+            last += 1
+        sides.append(slice(first, last + 1))
+    return tuple(sides)
+
+
+def _dense(volume: Volume, field: np.ndarray) -> np.ndarray:
+    shape = volume.lattice.blocks.max(axis=0) + 1
     cube = field.reshape(*shape, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
-    return np.ascontiguousarray(cube.reshape(shape * BLOCK))
+    return cube.reshape(shape * BLOCK)

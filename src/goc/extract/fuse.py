@@ -11,7 +11,7 @@ from goc.extract.cells import Cells, count_cells
 from goc.extract.clean import without_crumbs
 from goc.extract.config import ExtractConfig
 from goc.extract.depth import depth_views
-from goc.extract.volume import Volume, blocks_near, surface
+from goc.extract.volume import Lattice, Volume, blocks_near, surface
 from goc.scene import Capture, Mesh
 
 _SCENE_CRUMB = 1e-4
@@ -31,7 +31,7 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore)
     """
     size = 2.0 * config.scene_voxel * views.unit
     cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
-    volume = _allocate(cells, views.unit, config, notify)
+    volume = Volume(_lattice(cells, views.unit, config, notify))
     for view in depth_views(views, "fuse scene", notify):
         volume.add(view, wanted=None)
     least = min(config.least_views, math.ceil(len(views) / 10))
@@ -45,12 +45,12 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore)
 def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray, "b 8 8 8"]:
     """Signed distance with the votes counted: outside where rays passed, NaN where nothing or something else is."""
     distance = volume.distance()
-    distance = np.where(volume.empty > config.empty_votes * volume.weight, np.float32(volume.truncation), distance)
+    distance = np.where(volume.empty > config.empty_votes * volume.weight, np.float32(volume.lattice.truncation), distance)
     own = (volume.weight > 0) & (volume.other <= config.other_votes * volume.weight)
     return np.where(own, distance, np.float32(np.nan))
 
 
-def _allocate(cells: Cells, unit: float, config: ExtractConfig, notify: Listener) -> Volume:
+def _lattice(cells: Cells, unit: float, config: ExtractConfig, notify: Listener) -> Lattice:
     voxel, origin = config.scene_voxel * unit, np.zeros(3)
     while True:
         truncation = config.truncation_voxels * voxel
@@ -64,4 +64,4 @@ def _allocate(cells: Cells, unit: float, config: ExtractConfig, notify: Listener
             f"meshed with {voxel / unit:g} m. Raise --extract.memory-blocks for a finer mesh."
         )
         notify(Warned(stage="fuse scene", message=message))
-    return Volume(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)
+    return Lattice(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)

@@ -1,6 +1,6 @@
-"""A sparse block of voxels that depth images are fused into, and the surface in it."""
+"""Sparse blocks of voxels that depth images are fused into, and the surface in them."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int32
@@ -14,26 +14,30 @@ _DISTANCE, _WEIGHT, _VIEWS, _OTHER, _EMPTY, _RED = range(6)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Volume:
+class Lattice:
     """Voxel (i, j, k) is centred at origin + voxel · (i, j, k), world; block b holds voxels 8 b … 8 b + 7."""
 
     origin: Float64[np.ndarray, "3"]
     voxel: float
     truncation: float
     blocks: Int32[np.ndarray, "b 3"]
-    sums: Float32[np.ndarray, "b 8 8 8 s"] = field(init=False)
-    """Accumulators; the one thing here that changes."""
 
-    def __post_init__(self) -> None:
-        shape = (len(self.blocks), BLOCK, BLOCK, BLOCK, _native.FUSE_SUMS)
-        object.__setattr__(self, "sums", np.zeros(shape, np.float32))
+
+class Volume:
+    """A lattice with the sums that views add to: the one thing of this stage that changes."""
+
+    def __init__(self, lattice: Lattice) -> None:
+        self.lattice = lattice
+        shape = (len(lattice.blocks), BLOCK, BLOCK, BLOCK, _native.FUSE_SUMS)
+        self.sums: Float32[np.ndarray, "b 8 8 8 s"] = np.zeros(shape, np.float32)
 
     def add(self, view: DepthView, wanted: int | None) -> None:
         """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
-        lattice = np.array([*self.origin, self.voxel, self.truncation], np.float64)
+        at = self.lattice
+        lattice = np.array([*at.origin, at.voxel, at.truncation], np.float64)
         ids = None if wanted is None else view.ids
         _native.fuse_view(
-            lattice, self.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
+            lattice, at.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
         )
 
     @property
@@ -80,10 +84,10 @@ class Surface:
 
 
 def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
-    """Mesh the zero level of `values` (positive outside, NaN = leave open) by marching cubes on shared lattice edges."""
-    nudge = np.float32(1e-3 * volume.voxel)  # a vertex on a voxel would make triangles without area
+    """Mesh the zero level of `values` (positive outside, NaN = leave open): marching cubes, one vertex a lattice edge."""
+    nudge = np.float32(1e-3 * volume.lattice.voxel)  # a vertex on a voxel would make triangles without area
     values = np.where(np.abs(values) < nudge, nudge, values)
-    edges, faces = _native.isosurface(volume.blocks, values)
+    edges, faces = _native.isosurface(volume.lattice.blocks, values)
     ends = values.reshape(-1)[edges].astype(np.float64)
     share = ends[:, :1] / (ends[:, :1] - ends[:, 1:])
 
@@ -92,8 +96,8 @@ def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
         return inner + (outer - inner) * share
 
     block, offset = np.divmod(edges, BLOCK**3)
-    index = volume.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
-    positions = volume.origin + volume.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
+    index = volume.lattice.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
+    positions = volume.lattice.origin + volume.lattice.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
     colours = between(volume.colours().reshape(-1, 3))
     own = volume.weight.reshape(-1)[edges]
     against = (volume.other + volume.empty).reshape(-1)[edges]
