@@ -1,0 +1,86 @@
+"""Laws of the nouns: inverse poses, resizing, selecting."""
+
+from dataclasses import FrozenInstanceError, replace
+
+import pytest
+import torch
+
+from goc.geometry.rays import pixel_rays
+from goc.geometry.rotations import matrices_of_quats
+from goc.scene import Camera, Capture, Frame, Gaussians
+
+
+def camera() -> Camera:
+    pose = torch.eye(4)
+    pose[:3, :3] = matrices_of_quats(torch.tensor([[0.3, -0.5, 0.7, 0.2]]))[0]
+    pose[:3, 3] = torch.tensor([1.0, -2.0, 0.5])
+    return Camera(
+        focal_px=torch.tensor([50.0, 52.0]),
+        centre_px=torch.tensor([30.0, 22.0]),
+        width=64,
+        height=48,
+        world_from_cam=pose,
+    )
+
+
+def splats(count: int) -> Gaussians:
+    return Gaussians(
+        means=torch.randn(count, 3),
+        quats=torch.randn(count, 4),
+        log_scales=torch.randn(count, 3),
+        opacity_logits=torch.randn(count),
+        sh=torch.randn(count, 9, 3),
+        identity=torch.randn(count, 5),
+    )
+
+
+def test_poses_undo_each_other():
+    view = camera()
+    assert torch.allclose(view.cam_from_world @ view.world_from_cam, torch.eye(4), atol=1e-6)
+    assert torch.allclose(
+        view.cam_from_world[:3, :3] @ view.position + view.cam_from_world[:3, 3], torch.zeros(3), atol=1e-6
+    )
+
+
+def test_a_resized_view_has_the_same_field():
+    view, small = camera(), camera().resized(32, 24)
+    # Corners of the raster, not pixel centres, are what stays.
+    for side in (view, small):
+        left = (0.0 - side.centre_px) / side.focal_px
+        right = (torch.tensor([side.width, side.height]) - side.centre_px) / side.focal_px
+        assert torch.allclose(left, torch.tensor([-0.6, -22 / 52]))
+        assert torch.allclose(right, torch.tensor([0.68, 0.5]))
+    assert torch.allclose(pixel_rays(small)[3, 5], pixel_rays(view)[6:8, 10:12].mean((0, 1)), atol=1e-6)
+
+
+def test_nouns_do_not_change():
+    with pytest.raises(FrozenInstanceError):
+        camera().width = 3
+
+
+def test_selected_splats_keep_their_rows_together():
+    all_splats = splats(6)
+    chosen = all_splats[torch.tensor([4, 1])]
+    assert len(chosen) == 2 and chosen.sh_degree == 2
+    assert torch.equal(chosen.means, all_splats.means[[4, 1]])
+    assert torch.equal(chosen.identity, all_splats.identity[[4, 1]])
+    plain = replace(all_splats, identity=None)[all_splats.opacity_logits > 0]
+    assert plain.identity is None and len(plain) == int((all_splats.opacity_logits > 0).sum())
+
+
+def test_detached_splats_leave_the_graph():
+    tracked = replace(splats(3), means=torch.randn(3, 3, requires_grad=True))
+    assert not tracked.detached().means.requires_grad
+
+
+def test_a_capture_loads_views_when_asked():
+    asked = []
+
+    def load(index: int) -> Frame:
+        asked.append(index)
+        return Frame(camera=camera(), image=torch.zeros(48, 64, 3, dtype=torch.uint8))
+
+    capture = Capture(cameras=(camera(),) * 3, names=("a", "b", "c"), load=load, has_depth=False, has_ids=False)
+    assert len(capture) == 3 and asked == []
+    assert capture[1].depth is None and asked == [1]
+    assert sum(1 for _ in capture) == 3 and asked == [1, 0, 1, 2]
