@@ -81,7 +81,13 @@ def carve(
             reconstruction=splats, scene=scene, objects=objects, unit=capture.unit, metric=capture.metric
         )
         with run.stage("export"):
-            export_scene(assets, views, output.staged, source.name, config.export, run)
+            export_scene(assets, views, output.staged, _title(source), config.export, run)
         write_report(output.staged / REPORT, source, given, assets, run, config)
         output.publish()
     return assets
+
+
+def _title(source: Path) -> str:
+    """What to call a capture: its folder, and its file where that was named."""
+    whole = source.resolve()
+    return f"{whole.parent.name}/{whole.name}" if whole.suffix == ".json" else whole.name

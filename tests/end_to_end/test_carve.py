@@ -9,15 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from captures import LABELS, OBJECTS, ROOM_BOX, write_nerfstudio
+from captures import LABELS, LENS, OBJECTS, ROOM_BOX, poses, see, write_nerfstudio
 from goc.capture import CaptureConfig
 from goc.errors import ExportError, ReconstructError
 from goc.events import Progress, ignore
 from goc.export import ExportConfig, Report
 from goc.extract import ExtractConfig
-from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read_splats
+from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read_splats, write_points
 from goc.pipeline import CarveConfig, carve
 from goc.reconstruct import Mcmc, ReconstructConfig
+from goc.scene import PointCloud
 
 TINY = CarveConfig(
     reconstruct=ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=4000)),
@@ -119,16 +120,32 @@ def test_objects_are_told_apart_without_ids(capture, tmp_path):
     assert not report.capture.has_ids
 
 
-def test_photographs_alone_go_all_the_way(capture, tmp_path):
-    """Neither depth nor ids: geometry of this quality carries no objects, but every stage runs and says so."""
+def test_photographs_with_points_go_all_the_way(tmp_path):
+    """Neither depth nor ids, as from structure from motion: depth is rendered, and objects are told apart in it."""
+    source = write_nerfstudio(tmp_path / "photos", views=VIEWS)
+    write_points(source / "points.ply", surface_points())
     config = replace(TINY, capture=CaptureConfig(use_ids=False, use_depth=False, unit=1.0))
     heard = []
-    assets = carve(capture, tmp_path / "out", config, heard.append)
+    assets = carve(source, tmp_path / "out", config, heard.append)
     stages = {event.stage for event in heard if isinstance(event, Progress)}
     assert stages >= {"reconstruct", "segment", "label", "export"}
     report = read_json(tmp_path / "out/report.json", Report)
-    assert len(report.objects) == len(assets.objects)
+    assert len(report.objects) == len(assets.objects) >= 1
+    assert sum(item.splats for item in report.objects) > 100
     assert not report.capture.has_depth
+
+
+def surface_points():
+    """What six views see, thinned: 2,000 coloured points."""
+    positions, colours = [], []
+    for pose in poses(6):
+        shot = see(pose)
+        v, u = np.mgrid[0 : LENS.height : 3, 0 : LENS.width : 3]
+        x, y = ((p + 0.5 - c) / f for p, c, f in zip((u, v), LENS.centre_px, LENS.focal_px, strict=True))
+        rays = np.stack([x, y, np.ones_like(x)], -1) * shot.depth[v, u, None]
+        positions.append((rays @ pose[:3, :3].T + pose[:3, 3]).reshape(-1, 3))
+        colours.append(shot.image[v, u].reshape(-1, 3))
+    return PointCloud(positions=np.concatenate(positions).astype(np.float32), colours=np.concatenate(colours))
 
 
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
