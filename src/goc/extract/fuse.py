@@ -45,7 +45,9 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore)
 def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray, "b 8 8 8"]:
     """Signed distance with the votes counted: outside where rays passed, NaN where nothing or something else is."""
     distance = volume.distance()
-    distance = np.where(volume.empty > config.empty_votes * volume.weight, np.float32(volume.lattice.truncation), distance)
+    distance = np.where(
+        volume.empty > config.empty_votes * volume.weight, np.float32(volume.lattice.truncation), distance
+    )
     own = (volume.weight > 0) & (volume.other <= config.other_votes * volume.weight)
     return np.where(own, distance, np.float32(np.nan))
 
