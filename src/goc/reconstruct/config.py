@@ -80,7 +80,7 @@ class SeedConfig:
 class ReconstructConfig:
     """How splats are optimised (paper §4)."""
 
-    iterations: int = 3000
+    iterations: int = 2000
     """Optimisation steps, one view each."""
     sh_degree: int = 1
     """Degree of view-dependent colour, 0 to 3."""
