@@ -43,9 +43,9 @@ class RoomScores:
 def score_room(capture: Path, objects: Mapping[int, Mesh], scene: Mesh | None = None) -> RoomScores:
     """Score meshes against `capture`/gt/points.npz.
 
-    Each object: 30,000 area-uniform samples against the 30,000 of its true outer skin, F at 5 cm and 1 cm. The scene: as
-    many samples as the truth has (250,000) against the samples of what the room's views saw. True surface that no view
-    saw is not asked of a scene.
+    Each object: 30,000 area-uniform samples against the 30,000 of its true outer skin, F at 5 cm and 1 cm. The scene:
+    as many samples as the truth has (250,000) against the samples of what the room's views saw. True surface that no
+    view saw is not asked of a scene.
 
     Raises:
         FileError: the ground truth is missing or lacks an array.

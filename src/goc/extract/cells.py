@@ -1,4 +1,4 @@
-"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and how big things are."""
+"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and how big it is."""
 
 import math
 from collections.abc import Iterable
