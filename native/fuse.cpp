@@ -126,7 +126,7 @@ class Fuser {
     // The distance to the tangent plane, not along the ray: views from all sides then mean the same thing.
     const float distance = (depth - z) * slope;
     const bool own = !view_.ids || view_.ids[pixel] == wanted_;
-    if (distance > (own ? truncation_ : 0.5f * voxel_)) sum[kEmpty] += weight;
+    if (distance > 0.5f * voxel_ && (!own || depth - z > truncation_)) sum[kEmpty] += weight;
     if (distance < -truncation_ || distance > truncation_) return;
     // Behind the surface trust fades: what is there may be the far side of something thin.
     const float faded = weight * std::min(1.0f, (truncation_ + distance) / (truncation_ - voxel_));

@@ -8,7 +8,7 @@ from goc.extract.fuse import voted_distance
 from goc.extract.volume import BLOCK, Lattice, Volume
 from goc.scene import Evidence, EvidenceGrid
 
-_KNOWN_LAYER = 0.02
+_KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
 
@@ -47,7 +47,7 @@ def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: Ex
     state = np.where(is_surface, Evidence.SURFACE, state).astype(np.uint8)
     lattice = volume.lattice
     low, high = (np.floor((end - lattice.origin) / lattice.voxel + 0.5).astype(np.int64) for end in _extent(points))
-    kept = _known_box(_dense(volume, passed), low, high)
+    kept = _known_box(_dense(volume, passed), low, high, pad=int(low.min()))
     return EvidenceGrid(
         origin=lattice.origin + lattice.voxel * np.array([side.start for side in kept]),
         voxel=lattice.voxel,
@@ -61,9 +61,9 @@ def _extent(points: Float32[np.ndarray, "v 3"]) -> tuple[Float64[np.ndarray, "3"
 
 
 def _known_box(
-    passed: Bool[np.ndarray, "x y z"], low: Int64[np.ndarray, "3"], high: Int64[np.ndarray, "3"]
+    passed: Bool[np.ndarray, "x y z"], low: Int64[np.ndarray, "3"], high: Int64[np.ndarray, "3"], pad: int
 ) -> tuple[slice, slice, slice]:
-    """Grow the box of voxels low … high outwards for as long as rays crossed the next layer."""
+    """Grow the box of voxels low … high outwards for as long as rays crossed the next layer, by `pad` at most."""
     sides = []
     for axis in range(3):
         across = tuple(other for other in range(3) if other != axis)
@@ -71,7 +71,8 @@ def _known_box(
         first, last = max(int(low[axis]), 0), min(int(high[axis]), len(known) - 1)
         while first > 0 and known[first - 1]:
             first -= 1
-        while last + 1 < len(known) and known[last + 1]:
+        furthest = min(last + pad, len(known) - 1)
+        while last < furthest and known[last + 1]:
             last += 1
         sides.append(slice(first, last + 1))
     return tuple(sides)
