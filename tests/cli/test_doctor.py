@@ -1,31 +1,34 @@
 import json
+import sys
+from types import SimpleNamespace
 
+import msgspec
 import pytest
 import torch
 
 from goc.cli import doctor, main
+from goc.export import this_machine
 
-NAMES = ["goc", "system", "processor", "vectors", "memory", "disk", "python", "torch", "numpy", "scipy", "pillow"]
+NAMES = "goc system python torch numpy scipy pillow kernels processor vectors memory disk cuda gsplat".split()
 
 
 def test_this_machine_can_run_goc(capsys):
     assert main(["doctor"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert [line.split()[1] for line in lines if not line.startswith(" ")] == [*NAMES, "kernels", "cuda", "gsplat"]
+    assert [line.split()[1] for line in lines if not line.startswith(" ")] == NAMES
     assert any("a splat was drawn" in line for line in lines)
 
 
 def test_findings_for_programs_are_json(capsys):
     assert main(["doctor", "--json"]) == 0
     findings = json.loads(capsys.readouterr().out)
-    assert [found["name"] for found in findings][: len(NAMES)] == NAMES
+    assert [found["name"] for found in findings] == NAMES
     assert all(found["ok"] or found["remedy"] for found in findings)
 
 
 def test_broken_kernels_are_found_by_trying_and_get_a_remedy(monkeypatch, capsys):
-    monkeypatch.setattr(
-        doctor, "rasterize", lambda splats, camera, channels: (channels.sum() + torch.zeros(16, 16, 1), None)
-    )
+    dark = torch.zeros(16, 16, 1)
+    monkeypatch.setattr("goc.raster.rasterize", lambda splats, camera, channels: (channels.sum() + dark, None))
     monkeypatch.setattr(doctor, "_try_gsplat", lambda: "works")
     assert main(["doctor"]) == 4
     lines = capsys.readouterr().out.splitlines()
@@ -42,3 +45,22 @@ def test_whatever_a_trial_raises_is_one_line(error):
     found = doctor._tried("x", trial, needed=False, remedy="mend it.")
     assert not found.ok
     assert found.value in ("two", "RuntimeError")
+
+
+def test_an_installation_without_kernels_is_examined_to_the_end(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "goc.raster", None)  # importing it fails, as it does without kernels
+    assert main(["doctor"]) == 4
+    shown = capsys.readouterr().out
+    assert "FAIL kernels" in shown
+    assert [line.split()[1] for line in shown.splitlines() if not line.startswith(" ")] == NAMES
+
+
+def test_small_machines_are_told_what_to_ask_for(monkeypatch, tmp_path):
+    small = msgspec.structs.replace(this_machine(), memory_gb=2.0, simd="portable")
+    monkeypatch.setattr("goc.export.this_machine", lambda: small)
+    monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=1e9))
+    found = {finding.name: finding for finding in doctor.examine(tmp_path)}
+    assert not any(found[name].ok for name in ("memory", "vectors", "disk"))
+    assert found["memory"].value == "2.0 GB"
+    assert "--capture.max-side-px" in found["memory"].remedy
+    assert found["kernels"].ok

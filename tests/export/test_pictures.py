@@ -96,7 +96,7 @@ def test_words_are_cut_to_their_width_and_spelt_with_the_letters_there_are():
 def test_views_are_chosen_for_what_they_show(capture):
     empty = torch.zeros(48, 64, dtype=torch.int16)
     shows = {1: empty.clone(), 4: empty.clone()}
-    shows[1][:10, :10], shows[4][:20, :20] = 5, 6
+    shows[1][:4, :4], shows[4][:20, :20] = 5, 6
     views = replace(capture, load=lambda index: replace(capture[index], ids=shows.get(index, empty)))
     assert choose_views(views, 2) == [1, 4]
     assert choose_views(views, 1) == [4]

@@ -40,7 +40,7 @@ class Arguments:
 def main(words: Sequence[str]) -> int:
     """Run `goc demo` with the words that follow it."""
     arguments = tyro.cli(Arguments, prog="goc demo", description=_DESCRIPTION, args=list(words))
-    capture, results = arguments.out / "capture", arguments.out / "carved"
+    capture, results = arguments.out / "room", arguments.out / "carved"
     check_output(results, arguments.overwrite, arguments.resume)
     if not is_file(capture / "transforms.json"):
         _photograph(capture)
@@ -56,7 +56,7 @@ def main(words: Sequence[str]) -> int:
 
 def _photograph(capture: Path) -> None:
     """Make the capture under another name first: one that is there is whole."""
-    making = capture.with_name(".capture.making")
+    making = capture.with_name(".room.making")
     shutil.rmtree(making, ignore_errors=True)
     with shown_progress() as notify:
         make_demo_capture(making, RoomConfig(), notify)

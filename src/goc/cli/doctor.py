@@ -1,22 +1,23 @@
 """`goc doctor`: what this machine can do, found out by trying, and one line of remedy for what it cannot."""
 
 import importlib.util
+import platform
 import shutil
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import msgspec
-import torch
 import tyro
 
 from goc import __version__
-from goc.export import this_machine
-from goc.raster import rasterize
-from goc.scene import Camera, Gaussians
+
+if TYPE_CHECKING:
+    from goc.export import Machine
 
 _MIN_MEMORY_GB, _MIN_DISK_GB = 4.0, 2.0
 
@@ -56,44 +57,23 @@ def main(words: Sequence[str]) -> int:
 
 def examine(folder: Path) -> list[Finding]:
     """Look at everything that decides whether and how fast goc works; `folder` stands for where results go."""
-    machine = this_machine()
-    disk_gb = shutil.disk_usage(folder).free / 1e9
-    narrow = machine.simd == "portable"
+    again = "install again: pip install --force-reinstall . -c constraints.txt"
+    less = f"below {_MIN_MEMORY_GB:.0f} GB use --reconstruct.mcmc.max-splats 40000 --capture.max-side-px 640."
     return [
-        _fact("goc", __version__),
-        _fact("system", machine.system),
-        _fact("processor", f"{machine.cpu}, {machine.cores} cores, {machine.threads} threads used"),
+        Finding(name="goc", value=__version__, ok=True, needed=False),
         Finding(
-            name="vectors",
-            value=machine.simd,
-            ok=not narrow,
-            needed=False,
-            remedy="goc works, slower: this processor has none of the instruction sets with fast kernels.",
+            name="system", value=f"{platform.system()} {platform.release()} {platform.machine()}", ok=True, needed=False
         ),
-        Finding(
-            name="memory",
-            value=f"{machine.memory_gb:.1f} GB",
-            ok=machine.memory_gb >= _MIN_MEMORY_GB,
-            needed=False,
-            remedy=f"below {_MIN_MEMORY_GB:.0f} GB, use --reconstruct.mcmc.max-splats 40000 --capture.max-side-px 640.",
-        ),
-        Finding(
-            name="disk",
-            value=f"{disk_gb:.1f} GB free in {folder}",
-            ok=disk_gb >= _MIN_DISK_GB,
-            needed=False,
-            remedy="free some space, or point --out elsewhere.",
-        ),
-        _fact("python", machine.python),
-        *(_fact(name, version(name)) for name in ("torch", "numpy", "scipy", "pillow")),
-        _tried("kernels", _try_kernels, needed=True, remedy="install again: pip install --force-reinstall ."),
-        _tried("cuda", _try_cuda, needed=False, remedy="not needed: this version of goc computes on the processor."),
-        _tried("gsplat", _try_gsplat, needed=False, remedy="not needed: this version of goc has its own engine."),
+        Finding(name="python", value=platform.python_version(), ok=True, needed=False),
+        *(_tried(name, partial(version, name), True, again) for name in ("torch", "numpy", "scipy", "pillow")),
+        _tried("kernels", _try_kernels, True, again),
+        _tried("processor", _try_processor, True, again),
+        _tried("vectors", _try_vectors, False, "goc works, slower: there are no kernels for faster instructions here."),
+        _tried("memory", _try_memory, False, less),
+        _tried("disk", partial(_try_disk, folder), False, "free some space, or point --out elsewhere."),
+        _tried("cuda", _try_cuda, False, "not needed: this version of goc computes on the processor."),
+        _tried("gsplat", _try_gsplat, False, "not needed: this version of goc has its own engine."),
     ]
-
-
-def _fact(name: str, value: str) -> Finding:
-    return Finding(name=name, value=value, ok=True, needed=False)
 
 
 def _tried(name: str, trial: Callable[[], str], needed: bool, remedy: str) -> Finding:
@@ -104,8 +84,48 @@ def _tried(name: str, trial: Callable[[], str], needed: bool, remedy: str) -> Fi
         return Finding(name=name, value=lines[0][:160], ok=False, needed=needed, remedy=remedy)
 
 
+# Each trial imports what it tries: a broken installation should be a finding, not the end of the examination.
+
+
+def _machine() -> "Machine":
+    from goc.export import this_machine
+
+    return this_machine()
+
+
+def _try_processor() -> str:
+    machine = _machine()
+    return f"{machine.cpu}, {machine.cores} cores, {machine.threads} threads used"
+
+
+def _try_vectors() -> str:
+    level = _machine().simd
+    if level == "portable":
+        raise RuntimeError("portable")
+    return level
+
+
+def _try_memory() -> str:
+    found = _machine().memory_gb
+    if found < _MIN_MEMORY_GB:
+        raise RuntimeError(f"{found:.1f} GB")
+    return f"{found:.1f} GB"
+
+
+def _try_disk(folder: Path) -> str:
+    free_gb = shutil.disk_usage(folder).free / 1e9
+    if free_gb < _MIN_DISK_GB:
+        raise RuntimeError(f"{free_gb:.1f} GB free in {folder}")
+    return f"{free_gb:.1f} GB free in {folder}"
+
+
 def _try_kernels() -> str:
     """Draw one opaque splat in the middle of a small picture, and its gradient."""
+    import torch
+
+    from goc.raster import rasterize
+    from goc.scene import Camera, Gaussians
+
     camera = Camera(
         focal_px=torch.tensor([16.0, 16.0]),
         centre_px=torch.tensor([8.0, 8.0]),
@@ -128,6 +148,8 @@ def _try_kernels() -> str:
 
 
 def _try_cuda() -> str:
+    import torch
+
     if not torch.cuda.is_available():
         raise RuntimeError("no CUDA device that torch can use")
     ones = torch.ones(64, 64, device="cuda")

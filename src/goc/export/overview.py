@@ -26,6 +26,8 @@ _ID_SHARE = 0.65
 """Of an id's colour in the ids column; the rest is the render's grey, so that shapes stay readable."""
 _CANDIDATES = 40
 """Views looked at when those to show are chosen."""
+_EASY = 0.02
+"""Share of a picture from which on an object is easily seen."""
 _WARNINGS_SHOWN = 4
 
 
@@ -92,13 +94,13 @@ def choose_views(views: Capture, count: int) -> list[int]:
 
 
 def _areas(views: Capture, index: int) -> dict[int, float]:
-    """How large each object is in a view: the root of its share, so that small things count as well."""
+    """How large each object is in a view: the root of its share, up to where it is easily seen."""
     ids = views[index].ids
     if ids is None:
         return {}
     names, pixels = np.unique(ids.numpy(), return_counts=True)
     shares = zip(names.tolist(), (pixels / ids.numel()).tolist(), strict=True)
-    return {name: min(share, 0.1) ** 0.5 for name, share in shares if name not in (ROOM, UNLABELLED)}
+    return {name: min(share, _EASY) ** 0.5 for name, share in shares if name not in (ROOM, UNLABELLED)}
 
 
 def _apart(index: int, chosen: Sequence[int]) -> int:
