@@ -12,6 +12,7 @@ from goc.capture import CaptureConfig, load_capture
 from goc.errors import ReconstructError
 from goc.raster import render_labels
 from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
+from goc.reconstruct.seed import splat_budget
 from goc.scene import UNLABELLED, Capture, Gaussians
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
@@ -153,3 +154,10 @@ def test_checkpoints_are_whole_files(capture, tmp_path):
     checkpoint = tmp_path / "checkpoint.safetensors"
     reconstruct(capture, replace(QUICK, iterations=40), checkpoint=checkpoint)
     assert [path.name for path in Path(tmp_path).iterdir()] == ["checkpoint.safetensors"]
+
+
+def test_small_views_get_fewer_splats(capture):
+    assert splat_budget(capture, ReconstructConfig()) == 64 * 48 // 2
+    assert splat_budget(capture, QUICK) == 1500
+    large = replace(capture, cameras=tuple(camera.resized(640, 480) for camera in capture.cameras))
+    assert splat_budget(large, ReconstructConfig()) == ReconstructConfig().mcmc.max_splats

@@ -45,7 +45,8 @@ class Mcmc:
     """Relocation, growth and noise after Kheradmand et al. (2024), "3DGS as Markov Chain Monte Carlo"."""
 
     max_splats: int = 80_000
-    """The budget; seeds from depth start there, others grow to it."""
+    """The budget, or half the pixels of a view where that is fewer: more would overfit. Seeds from depth start there,
+    others grow to it."""
     every: int = 100
     """Steps between relocations."""
     start: float = 0.1

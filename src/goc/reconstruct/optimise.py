@@ -48,6 +48,8 @@ class Task:
     """Ids that the classifier tells apart; empty when labels are voted."""
     extent: float
     """Radius of the cameras' positions, scene units: the scale of the means' step."""
+    budget: int
+    """Most splats there may be."""
     prior: Callable[[int], GeometryPrior | None]
     """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig
@@ -179,7 +181,7 @@ def _move(task: Task, state: State) -> None:
     generator = _generator(config, 2, step)
     if (step + 1) % mcmc.every == 0:
         _relocate(state, mcmc.min_opacity, generator)
-        _grow(state, min(mcmc.max_splats, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
+        _grow(state, min(task.budget, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
     strength = mcmc.noise * _rates(task, step)["means"]
     opacities = p["opacity_logits"].sigmoid()

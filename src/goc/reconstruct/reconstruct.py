@@ -17,7 +17,7 @@ from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
 from goc.reconstruct.optimise import Task, optimise
 from goc.reconstruct.priors import geometry_priors
-from goc.reconstruct.seed import seed
+from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.state import State, initial_state
 from goc.scene.capture import UNLABELLED, Capture
 from goc.scene.gaussians import Gaussians
@@ -72,7 +72,15 @@ def _reconstruct(
         notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
     names = capture_ids(capture, train) if learned else []
     prior = geometry_priors(capture, with_normals=config.losses.depth_normal > 0)
-    task = Task(capture=capture, views=train, names=names, extent=_extent(capture), prior=prior, config=config)
+    task = Task(
+        capture=capture,
+        views=train,
+        names=names,
+        extent=_extent(capture),
+        budget=splat_budget(capture, config),
+        prior=prior,
+        config=config,
+    )
 
     def begin() -> State:
         gaussians = seed(capture, train, config)

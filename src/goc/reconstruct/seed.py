@@ -41,6 +41,12 @@ class _Points:
         )
 
 
+def splat_budget(capture: Capture, config: ReconstructConfig) -> int:
+    """How many splats there may be: `config.mcmc.max_splats`, but no more than half the pixels of the largest view."""
+    pixels = max(camera.width * camera.height for camera in capture.cameras)
+    return min(config.mcmc.max_splats, max(pixels // 2, 1000))
+
+
 def seed(capture: Capture, views: list[int], config: ReconstructConfig) -> Gaussians:
     """Place the first splats on what the views say of the surface.
 
@@ -53,7 +59,7 @@ def seed(capture: Capture, views: list[int], config: ReconstructConfig) -> Gauss
         ReconstructError: fewer than four usable points.
     """
     generator = torch.Generator().manual_seed(config.seed)
-    budget = config.mcmc.max_splats
+    budget = splat_budget(capture, config)
     if capture.has_depth:
         points = _thin(_from_depth(capture, views, budget * _POOL), budget, generator)
         opacity = config.seeding.opacity
