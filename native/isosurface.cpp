@@ -12,12 +12,8 @@ namespace {
 
 constexpr int kEdge = 8, kVoxels = 512, kHalo = kEdge + 1;
 
-// Corner c of a cell sits at (c & 1, c >> 1 & 1, c >> 2) along (x, y, z). A cell's edge runs from a corner along an axis.
-struct CellEdge {
-  int corner, axis;
-};
-
-// Triangles of each of the 256 sign patterns, as cell edges numbered 3 * lower corner + axis.
+// Corner c of a cell sits at (c & 1, c >> 1 & 1, c >> 2) along (x, y, z); its edges are 3 * lower corner + axis.
+// Triangles of each of the 256 sign patterns, as such edges.
 using Patterns = std::array<std::vector<std::array<std::uint8_t, 3>>, 256>;
 
 int edge_between(int a, int b) {
@@ -25,7 +21,7 @@ int edge_between(int a, int b) {
   return 3 * low + (bit == 1 ? 0 : bit == 2 ? 1 : 2);
 }
 
-// The contour across each face of the cell, from a crossed edge to the next, with the inside on its left seen from
+// The contour across each face of the cell, from a crossed edge to the next, with the inside on its right seen from
 // outside the cell. Two opposite inside corners of a face stay apart: a rule of the face alone, so that neighbours agree.
 std::array<int, 24> contour(int inside) {
   static constexpr int kFaces[6][4] = {{0, 4, 6, 2}, {1, 3, 7, 5}, {0, 1, 5, 4}, {2, 6, 7, 3}, {0, 2, 3, 1}, {4, 5, 7, 6}};
@@ -96,6 +92,15 @@ class Halo {
         }
   }
 
+  // The voxel one step along an axis; the caller knows that it exists.
+  std::int64_t next(std::int64_t voxel, int axis) const {
+    constexpr int kStep[3] = {kEdge * kEdge, kEdge, 1};
+    if (voxel / kStep[axis] % kEdge + 1 < kEdge) return voxel + kStep[axis];
+    const std::int32_t* at = blocks_ + 3 * (voxel / kVoxels);
+    const std::int64_t owner = index_.at(key(at[0] + (axis == 0), at[1] + (axis == 1), at[2] + (axis == 2)));
+    return owner * kVoxels + voxel % kVoxels - std::int64_t{kEdge - 1} * kStep[axis];
+  }
+
  private:
   const std::int32_t* blocks_;
   std::unordered_map<std::uint64_t, std::int64_t> index_;
@@ -129,17 +134,6 @@ void mesh_block(const Halo& halo, std::size_t block, const float* values, std::v
       }
 }
 
-// The voxel one step along an axis from an edge's lower end.
-std::int64_t upper_end(const std::int32_t* blocks, const std::unordered_map<std::uint64_t, std::int64_t>& index,
-                       std::int64_t voxel, int axis) {
-  constexpr int kStep[3] = {kEdge * kEdge, kEdge, 1};
-  const int along = static_cast<int>(voxel / kStep[axis] % kEdge);
-  if (along + 1 < kEdge) return voxel + kStep[axis];
-  const std::int32_t* at = blocks + 3 * (voxel / kVoxels);
-  const std::int64_t owner = index.at(key(at[0] + (axis == 0), at[1] + (axis == 1), at[2] + (axis == 2)));
-  return owner * kVoxels + voxel % kVoxels - std::int64_t{kEdge - 1} * kStep[axis];
-}
-
 }  // namespace
 
 Isosurface isosurface(const std::int32_t* blocks, std::size_t count, const float* values) {
@@ -150,9 +144,6 @@ Isosurface isosurface(const std::int32_t* blocks, std::size_t count, const float
     for (std::size_t b = begin; b < end; ++b) mesh_block(halo, b, values, corners[b]);
   });
 
-  std::unordered_map<std::uint64_t, std::int64_t> index;
-  for (std::size_t b = 0; b < count; ++b)
-    index.emplace(key(blocks[3 * b], blocks[3 * b + 1], blocks[3 * b + 2]), static_cast<std::int64_t>(b));
   std::vector<std::int32_t> vertex_of(count * kVoxels * 3, -1);
   Isosurface surface;
   for (auto& block : corners) {
@@ -161,7 +152,7 @@ Isosurface isosurface(const std::int32_t* blocks, std::size_t count, const float
       if (vertex < 0) {
         vertex = static_cast<std::int32_t>(surface.edges.size() / 2);
         surface.edges.push_back(corner / 3);
-        surface.edges.push_back(upper_end(blocks, index, corner / 3, static_cast<int>(corner % 3)));
+        surface.edges.push_back(halo.next(corner / 3, static_cast<int>(corner % 3)));
       }
       surface.faces.push_back(vertex);
     }

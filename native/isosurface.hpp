@@ -7,9 +7,9 @@
 namespace goc {
 
 struct Isosurface {
-  // Voxels (block * 512 + offset) at the two ends of the lattice edge that each vertex lies on; first is inside.
-  std::vector<std::int64_t> edges;    // (v, 2)
-  std::vector<std::int32_t> faces;    // (t, 3), counter-clockwise seen from the positive side
+  // Voxels (block * 512 + offset) at the two ends of the lattice edge that each vertex lies on; lower end first.
+  std::vector<std::int64_t> edges;  // (v, 2)
+  std::vector<std::int32_t> faces;  // (t, 3), counter-clockwise seen from the positive side
 };
 
 // Zero level of `values` (count, 8, 8, 8), positive outside; cells with a NaN corner, or a corner in no block, are left

@@ -1,5 +1,6 @@
 """Scores of a benchmark room: ten objects and the scene against complete ground truth."""
 
+import zipfile
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,8 +45,8 @@ def score_room(capture: Path, objects: Mapping[int, Mesh], scene: Mesh | None = 
     """Score meshes against `capture`/gt/points.npz.
 
     Each object: 30,000 area-uniform samples against the 30,000 of its true outer skin, F at 5 cm and 1 cm. The scene:
-    as many samples as the truth has (250,000) against the samples of what the room's views saw. True surface that no
-    view saw is not asked of a scene.
+    as many samples as the truth has (250,000) against the samples of what the room's 170 views saw. True surface that no
+    view saw is not asked of a scene. `seen` is judged by those samples too, whichever views a run was given.
 
     Raises:
         FileError: the ground truth is missing or lacks an array.
@@ -84,7 +85,7 @@ def _read_truth(path: Path) -> dict[str, np.ndarray]:
     try:
         with np.load(path, allow_pickle=False) as archive:
             truth = {name: archive[name] for name in archive.files}
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: cannot be read ({error}). A benchmark room keeps its ground truth there.") from error
     ids = [name[1:] for name in truth if name.startswith("p")]
     lacking = [name for name in ["seen", *(f"n{id}" for id in ids)] if name not in truth]

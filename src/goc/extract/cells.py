@@ -1,4 +1,4 @@
-"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and how big it is."""
+"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and what is how big."""
 
 import math
 from collections.abc import Iterable
@@ -61,7 +61,7 @@ def object_cells(cells: Cells, wanted: int, least_share: float = 0.3) -> Int32[n
     totals = _totals(cells)
     own = (cells.ids == wanted) & (cells.hits >= least_share * totals)
     if own.any():
-        own &= cells.views >= min(3, math.ceil(cells.views[own].max() / 10))  # flying pixels fly alone
+        own &= cells.views >= min(3, math.ceil(cells.views[own].max() / 20))  # flying pixels fly alone
     index, hits = cells.index[own], cells.hits[own]
     if len(index) == 0:
         return index

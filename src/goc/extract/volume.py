@@ -84,7 +84,7 @@ class Surface:
 
 
 def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
-    """Mesh the zero level of `values` (positive outside, NaN = leave open) by marching cubes on lattice edges."""
+    """Mesh the zero level of `values` (positive outside, NaN = leave open), one vertex a lattice edge."""
     nudge = np.float32(1e-3 * volume.lattice.voxel)  # a vertex on a voxel would make triangles without area
     values = np.where(np.abs(values) < nudge, nudge, values)
     edges, faces = _native.isosurface(volume.lattice.blocks, values)

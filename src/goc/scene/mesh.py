@@ -23,7 +23,7 @@ class Evidence(IntEnum):
     UNKNOWN = 0
     """No ray reached it."""
     EMPTY = 1
-    """Some ray passed through it."""
+    """Some ray passed through it, or rays ended in it on something else."""
     SURFACE = 2
     """It lies in the truncation band of a measured surface of this object."""
 
