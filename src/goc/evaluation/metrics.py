@@ -2,7 +2,7 @@
 
 The protocol: both surfaces are 30,000 area-uniform samples with normals; distances go from each sample to the nearest
 sample of the other side (never to vertices: those reward dense tessellation). At that density half a spacing remains
-between samples of the very same surface (8 mm on a sofa of 8 m²), so figures compare with others of the same counts only.
+between samples of the very same surface (8 mm on a sofa of 8 m²), so figures compare only at the same counts.
 """
 
 from dataclasses import dataclass

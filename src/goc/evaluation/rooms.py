@@ -45,8 +45,8 @@ def score_room(capture: Path, objects: Mapping[int, Mesh], scene: Mesh | None = 
     """Score meshes against `capture`/gt/points.npz.
 
     Each object: 30,000 area-uniform samples against the 30,000 of its true outer skin, F at 5 cm and 1 cm. The scene:
-    as many samples as the truth has (250,000) against the samples of what the room's 170 views saw. True surface that no
-    view saw is not asked of a scene. `seen` is judged by those samples too, whichever views a run was given.
+    as many samples as the truth has (250,000) against the samples of what the room's 170 views saw. True surface that
+    no view saw is not asked of a scene. `seen` is judged by those samples too, whichever views a run was given.
 
     Raises:
         FileError: the ground truth is missing or lacks an array.
@@ -83,7 +83,8 @@ def _near(points: np.ndarray, samples: np.ndarray) -> np.ndarray:
 
 def _read_truth(path: Path) -> dict[str, np.ndarray]:
     try:
-        with np.load(path, allow_pickle=False) as archive:
+        # Opened here: NumPy forgets to close a file that turns out to be no archive.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
             truth = {name: archive[name] for name in archive.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
         raise FileError(f"{path}: cannot be read ({error}). A benchmark room keeps its ground truth there.") from error
