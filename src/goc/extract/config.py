@@ -15,6 +15,8 @@ class ExtractConfig:
     """Voxel of an object's mesh, metres, where object_cells does not ask for a finer one."""
     object_cells: int = 48
     """Voxels along the longest side that every object gets at least: small things are meshed finer."""
+    finest_voxel: float = 0.003
+    """No voxel of an object's mesh or evidence is smaller, metres: views must agree within its truncation."""
     truncation_voxels: float = 3.0
     """Half the width of the band round a measured surface that one view speaks for, voxels."""
     evidence_cells: int = 128

@@ -13,11 +13,11 @@ _KNOWN_LAYER = 0.25
 
 
 def evidence_lattice(points: Float32[np.ndarray, "v 3"], unit: float, config: ExtractConfig) -> Lattice:
-    """Box of voxels round an object's measured points: padded, `evidence_cells` along its longest side."""
+    """Box of voxels round an object's measured points: padded, `evidence_cells` at most along its longest side."""
     pad = config.evidence_pad * unit
     low, high = _extent(points)
     low, high = low - pad, high + pad
-    voxel = float((high - low).max()) / config.evidence_cells
+    voxel = max(float((high - low).max()) / config.evidence_cells, config.finest_voxel * unit)
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
     return Lattice(

@@ -77,7 +77,7 @@ def _object_mesh(wanted: int, found: Surface, evidence: EvidenceGrid, views: Cap
 
 def _fine_lattice(own: Int32[np.ndarray, "n 3"], size: float, unit: float, config: ExtractConfig) -> Lattice:
     longest = float((own.max(axis=0) + 1 - own.min(axis=0)).max()) * size
-    voxel = min(config.object_voxel * unit, longest / config.object_cells)
+    voxel = max(min(config.object_voxel * unit, longest / config.object_cells), config.finest_voxel * unit)
     reach = config.truncation_voxels * voxel
     blocks = blocks_near(own, size, np.zeros(3), voxel, reach)
     return Lattice(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)
