@@ -87,7 +87,8 @@ def test_apc_shelf_labels(data_root):
 
 
 def test_fox(data_root):
-    capture = load_capture(data_root / "real/fox")
+    assert max(load_capture(data_root / "real/fox")[0].image.shape) == 640
+    capture = load_capture(data_root / "real/fox", CaptureConfig(max_side_px=1600))
     assert len(capture) == 50
     assert (capture.has_depth, capture.has_ids, capture.metric) == (False, False, False)
     assert 1 < capture.unit < 5

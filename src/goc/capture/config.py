@@ -15,7 +15,7 @@ class CaptureConfig:
     """Use the depth images that come with the capture; otherwise they count as absent."""
     allow_missing: bool = False
     """Leave out views whose image is missing, and depth or ids that are missing, with a warning instead of an error."""
-    max_side_px: int = 1600
+    max_side_px: int = 640
     """Scale views down until the longer side has at most this many pixels."""
     unit: float | None = None
     """Scene units in one metre, where you know it. Default: 1 with depth, else guessed from the camera path."""
