@@ -157,7 +157,7 @@ def test_checkpoints_are_whole_files(capture, tmp_path):
 
 
 def test_small_views_get_fewer_splats(capture):
-    assert splat_budget(capture, ReconstructConfig()) == 64 * 48 // 2
+    assert splat_budget(capture, ReconstructConfig()) == 64 * 48
     assert splat_budget(capture, QUICK) == 1500
     large = replace(capture, cameras=tuple(camera.resized(640, 480) for camera in capture.cameras))
     assert splat_budget(large, ReconstructConfig()) == ReconstructConfig().mcmc.max_splats

@@ -45,8 +45,8 @@ class Mcmc:
     """Relocation, growth and noise after Kheradmand et al. (2024), "3DGS as Markov Chain Monte Carlo"."""
 
     max_splats: int = 80_000
-    """The budget, or half the pixels of a view where that is fewer: more would overfit. Seeds from depth start there,
-    others grow to it."""
+    """The budget, or the pixels of a view where those are fewer. Seeds from depth start there, others grow to it.
+    Half the pixels made no better held-out PSNR (demo: 26.0 for 26.1 dB), and small objects rougher."""
     every: int = 100
     """Steps between relocations."""
     start: float = 0.1

@@ -85,7 +85,8 @@ def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoin
         shown_psnr = psnr if math.isnan(shown_psnr) else 0.95 * shown_psnr + 0.05 * psnr
         figures = {"PSNR dB": shown_psnr, "splats": float(state.splats)}
         notify(Progress(stage="reconstruct", done=state.step, total=config.iterations, figures=figures))
-        if checkpoint and config.checkpoint_every and state.step % config.checkpoint_every == 0:
+        due = config.checkpoint_every and state.step % config.checkpoint_every == 0
+        if checkpoint and (due or state.step == config.iterations):
             save_checkpoint(checkpoint, state, task.fingerprint())
     return state
 

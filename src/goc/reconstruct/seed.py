@@ -42,9 +42,9 @@ class _Points:
 
 
 def splat_budget(capture: Capture, config: ReconstructConfig) -> int:
-    """How many splats there may be: `config.mcmc.max_splats`, but no more than half the pixels of the largest view."""
+    """How many splats there may be: `config.mcmc.max_splats`, but no more than the largest view has pixels."""
     pixels = max(camera.width * camera.height for camera in capture.cameras)
-    return min(config.mcmc.max_splats, max(pixels // 2, 1000))
+    return min(config.mcmc.max_splats, max(pixels, 1000))
 
 
 def seed(capture: Capture, views: list[int], config: ReconstructConfig) -> Gaussians:
