@@ -149,17 +149,28 @@ def surface_points():
     return PointCloud(positions=np.concatenate(positions).astype(np.float32), colours=np.concatenate(colours))
 
 
+# A shell that starts the suite in the background makes its children deaf to Ctrl-C; this one shall hear it.
+HEARS_CTRL_C = (
+    "import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
+    "from goc.cli import main; sys.exit(main())"
+)
+
+
 @pytest.mark.parametrize(("how", "code"), [(signal.SIGINT, 130), (signal.SIGKILL, -9)])
 def test_a_process_that_is_stopped_leaves_its_checkpoint(capture, tmp_path, how, code):
     out = tmp_path / "out"
     words = ["carve", str(capture), "--out", str(out), "--iterations", "1000000"]
     words += ["--reconstruct.checkpoint-every", "2", "--reconstruct.mcmc.max-splats", "500"]
-    process = subprocess.Popen([sys.executable, "-m", "goc.cli", *words], stderr=subprocess.PIPE, text=True)
-    patience = time.monotonic() + 100
-    while not (out / ".work/checkpoint.safetensors").is_file() and time.monotonic() < patience:
-        time.sleep(0.05)
-    process.send_signal(how)
-    said = process.communicate(timeout=60)[1]
+    command = [sys.executable, "-c", HEARS_CTRL_C, *words]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            patience = time.monotonic() + 100
+            while not (out / ".work/checkpoint.safetensors").is_file() and time.monotonic() < patience:
+                time.sleep(0.05)
+            process.send_signal(how)
+            said = process.communicate(timeout=100)[1]
+        finally:
+            process.kill()
     assert process.returncode == code, said
     assert (out / ".work/checkpoint.safetensors").is_file()
     assert "Traceback" not in said
