@@ -4,7 +4,7 @@ import pytest
 import torch
 
 from goc.geometry.harmonics import BAND_0, colours_towards, harmonics
-from goc.geometry.rotations import matrices_of_quats, quats_towards
+from goc.geometry.rotations import matrices_of_quats, quats_towards, rotated
 
 
 def directions(count: int) -> torch.Tensor:
@@ -48,3 +48,10 @@ def test_matrices_of_quats_are_rotations_whatever_the_length():
     assert torch.allclose(matrices @ matrices.transpose(1, 2), torch.eye(3).expand(20, 3, 3), atol=1e-5)
     assert torch.allclose(torch.linalg.det(matrices), torch.ones(20), atol=1e-5)
     assert torch.allclose(matrices_of_quats(3.0 * quats), matrices, atol=1e-5)
+
+
+def test_rotated_vectors_match_the_matrices():
+    generator = torch.Generator().manual_seed(0)
+    quats, vectors = torch.randn(30, 4, generator=generator), torch.randn(30, 3, generator=generator)
+    expected = torch.einsum("nij,nj->ni", matrices_of_quats(quats), vectors)
+    assert torch.allclose(rotated(quats, vectors), expected, atol=1e-5)

@@ -6,7 +6,7 @@ from torch import Tensor
 
 from goc.geometry.harmonics import colours_towards
 from goc.geometry.rays import pixel_rays
-from goc.geometry.rotations import matrices_of_quats
+from goc.geometry.rotations import rotated
 from goc.raster.rasterize import median_splats, rasterize
 from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED
@@ -30,9 +30,8 @@ def plane_channels(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 4"]
     """
     view = camera.cam_from_world
     centres = gaussians.means @ view[:3, :3].T + view[:3, 3]
-    thinnest = gaussians.log_scales.argmin(-1)
-    axes = matrices_of_quats(gaussians.quats)[torch.arange(len(gaussians)), :, thinnest]
-    normals = axes @ view[:3, :3].T
+    thinnest = torch.nn.functional.one_hot(gaussians.log_scales.argmin(-1), 3).to(gaussians.means.dtype)
+    normals = rotated(gaussians.quats, thinnest) @ view[:3, :3].T
     distances = (normals * centres).sum(-1, keepdim=True)
     # A plane before the camera that faces it has n·centre < 0.
     sign = torch.where(distances > 0, -1.0, 1.0)
