@@ -7,7 +7,7 @@ export PIP_CONSTRAINT := $(CURDIR)/constraints.txt
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 SOURCES := pyproject.toml CMakeLists.txt constraints.txt $(shell find native src -name '*.[ch]pp' -o -name '*.py')
 
-.PHONY: demo test lint native clean
+.PHONY: demo test native clean
 
 demo: $(VENV)/.installed
 	$(BIN)/goc demo --out goc-demo --overwrite
