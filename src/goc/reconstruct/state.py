@@ -1,6 +1,6 @@
 """What optimisation changes: parameters, Adam's moments and the step; and how it is kept on disk."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import torch
@@ -26,6 +26,8 @@ class State:
     first: dict[str, Tensor]
     second: dict[str, Tensor]
     step: int = 0
+    views: dict[str, Tensor] = field(default_factory=dict)
+    """What is remembered of views from one step to a later one; kept in checkpoints, never optimised."""
 
     @property
     def per_splat(self) -> list[str]:
@@ -106,7 +108,7 @@ def initial_state(gaussians: Gaussians, shared: dict[str, Tensor]) -> State:
 def save_checkpoint(path: Path, state: State, fingerprint: str) -> None:
     """Write everything the next step depends on, atomically; randomness depends on the step alone."""
     tensors = {}
-    for kind in ("parameters", "first", "second"):
+    for kind in ("parameters", "first", "second", "views"):
         tensors |= {f"{kind}/{name}": value.detach() for name, value in getattr(state, kind).items()}
     write_tensors(path, tensors, {"step": str(state.step), "fingerprint": fingerprint})
 
@@ -123,11 +125,17 @@ def load_checkpoint(path: Path, fingerprint: str) -> State:
             f"{path}: made from another capture or with other settings. "
             "Repeat the command that made it, or leave out --resume to start again."
         )
-    kinds: dict[str, dict[str, Tensor]] = {"parameters": {}, "first": {}, "second": {}}
+    kinds: dict[str, dict[str, Tensor]] = {"parameters": {}, "first": {}, "second": {}, "views": {}}
     for key, value in tensors.items():
         kind, _, name = key.partition("/")
         kinds.setdefault(kind, {})[name] = value
     if not set(kinds["parameters"]) == set(kinds["first"]) == set(kinds["second"]) or "step" not in metadata:
         raise ReconstructError(f"{path}: parameters and moments do not match. Leave out --resume to start again.")
     parameters = {name: value.requires_grad_() for name, value in kinds["parameters"].items()}
-    return State(parameters=parameters, first=kinds["first"], second=kinds["second"], step=int(metadata["step"]))
+    return State(
+        parameters=parameters,
+        first=kinds["first"],
+        second=kinds["second"],
+        step=int(metadata["step"]),
+        views=kinds["views"],
+    )
