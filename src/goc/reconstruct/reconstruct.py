@@ -15,10 +15,11 @@ from goc.events import Listener, Progress, Warned, ignore
 from goc.raster import render, visible_splats
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
-from goc.reconstruct.optimise import Task, optimise
+from goc.reconstruct.optimise import optimise
 from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.state import State, initial_state
+from goc.reconstruct.task import Task
 from goc.scene.capture import UNLABELLED, Capture
 from goc.scene.gaussians import Gaussians
 from goc.scene.reconstruction import Reconstruction
@@ -150,9 +151,5 @@ def _labels(state: State, gaussians: Gaussians, task: Task, notify: Listener) ->
     seen = torch.zeros(len(gaussians), dtype=torch.bool)
     for view in task.views:
         seen |= visible_splats(gaussians, task.capture.cameras[view])
-    classifier = {
-        name.removeprefix("classifier."): value.detach()
-        for name, value in state.parameters.items()
-        if name.startswith("classifier.")
-    }
+    classifier = {name: value.detach() for name, value in state.shared.items()}
     return learned_labels(gaussians, classifier, task.names, seen)

@@ -39,6 +39,13 @@ class State:
         """How many splats there are."""
         return len(self.parameters["means"])
 
+    @property
+    def shared(self) -> dict[str, Tensor]:
+        """Parameters of the classifier, by their names there; empty when labels are voted."""
+        return {
+            name.removeprefix(_SHARED): self.parameters[name] for name in self.parameters if name.startswith(_SHARED)
+        }
+
     def gaussians(self) -> Gaussians:
         """The splats as they are now, sharing memory and autograd graph."""
         p = self.parameters

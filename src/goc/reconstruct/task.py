@@ -1,0 +1,41 @@
+"""What an optimisation works on, and its randomness."""
+
+import hashlib
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+
+import msgspec
+import torch
+
+from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.losses import GeometryPrior
+from goc.scene.capture import Capture
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Task:
+    """What is optimised against what."""
+
+    capture: Capture
+    views: list[int]
+    """Training views."""
+    names: list[int]
+    """Ids that the classifier tells apart; empty when labels are voted."""
+    extent: float
+    """Radius of the cameras' positions, scene units: the scale of the means' step."""
+    budget: int
+    """Most splats there may be."""
+    prior: Callable[[int], GeometryPrior | None]
+    """Geometry that a view is compared with; None where it has none."""
+    config: ReconstructConfig
+
+    def fingerprint(self) -> str:
+        """Names the capture and all settings: a checkpoint fits only the same."""
+        described = {"config": asdict(self.config), "views": [self.capture.names[view] for view in self.views]}
+        return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
+
+
+def generator_of(config: ReconstructConfig, *path: int) -> torch.Generator:
+    """Randomness of one moment: it depends on the seed and the step alone, so that a resumed run repeats it."""
+    digest = hashlib.sha256(repr((config.seed, *path)).encode()).digest()
+    return torch.Generator().manual_seed(int.from_bytes(digest[:7], "little"))
