@@ -9,6 +9,8 @@ from goc.files.images import (
     read_image,
     write_depth,
     write_ids,
+    write_image,
+    write_normals,
     write_png,
 )
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
@@ -39,8 +41,10 @@ __all__ = [
     "write_bytes",
     "write_depth",
     "write_ids",
+    "write_image",
     "write_json",
     "write_mesh",
+    "write_normals",
     "write_ply",
     "write_png",
     "write_points",

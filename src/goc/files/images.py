@@ -92,6 +92,21 @@ def write_png(
     write_bytes(path, encoded.getvalue())
 
 
+def write_image(path: Path, pixels: UInt8[np.ndarray, "h w 3"]) -> None:
+    """Write sRGB colours as JPEG (.jpg, .jpeg: quality 95, colours at full resolution) or PNG, atomically."""
+    if path.suffix.lower() not in (".jpg", ".jpeg"):
+        return write_png(path, pixels)
+    encoded = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(encoded, format="JPEG", quality=95, subsampling=0)
+    return write_bytes(path, encoded.getvalue())
+
+
+def write_normals(path: Path, normals: Float[np.ndarray, "h w 3"]) -> None:
+    """Write unit normals, OpenCV camera axes, as 8-bit PNG, atomically: n = value / 255 · 2 - 1, black = none."""
+    known = np.isfinite(normals).all(-1, keepdims=True)
+    write_png(path, np.where(known, np.rint((np.where(known, normals, 0.0) + 1) * 127.5), 0).astype(np.uint8))
+
+
 def write_depth(path: Path, depth: Float[np.ndarray, "h w"]) -> None:
     """Write metres as a 16-bit PNG in millimetres, atomically; NaN, and what is beyond 65.535 m, becomes 0 = none."""
     with np.errstate(invalid="ignore"):

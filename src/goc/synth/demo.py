@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from goc.errors import ConfigError, ExportError
+from goc.errors import ConfigError
 from goc.events import Listener, Progress, ignore
 from goc.files.atomic import write_bytes
 from goc.files.documents import write_json
@@ -15,6 +15,7 @@ from goc.files.images import write_depth, write_ids, write_png
 from goc.files.meshes import write_mesh
 from goc.scene import Camera
 from goc.synth.cameras import camera_path
+from goc.synth.folders import check_new
 from goc.synth.lighting import bake
 from goc.synth.model import mesh_of
 from goc.synth.render import View, render_view
@@ -80,8 +81,7 @@ def make_demo_capture(folder: Path, config: RoomConfig, notify: Listener = ignor
         ConfigError: the room cannot hold that many objects.
         FileError: the disk refuses.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise ExportError(f"{folder}: not an empty folder. Name another one, or remove it first.")
+    check_new(folder)
     room = furnish_room(config.seed, config.objects)
     surfaces = gather_surfaces(room.shell, room.objects)
     cameras = camera_path(room, surfaces.scene, config.views, config.width, config.height, config.seed)

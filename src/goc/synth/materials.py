@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, UInt8
 
 from goc.synth.noise import cell_random, fractal_noise, value_noise
 
@@ -53,9 +53,14 @@ class Coloured:
 
 def linear(code: str) -> Rgb:
     """The linear reflectance of an sRGB hex code such as "c8a070"."""
-    encoded = np.array([int(code[i : i + 2], 16) for i in (0, 2, 4)]) / 255
-    decoded = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
-    return float(decoded[0]), float(decoded[1]), float(decoded[2])
+    red, green, blue = decode_srgb(np.array([int(code[i : i + 2], 16) for i in (0, 2, 4)], np.uint8)).tolist()
+    return red, green, blue
+
+
+def decode_srgb(encoded: UInt8[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+    """Linear light in [0, 1] of sRGB bytes."""
+    values = encoded / 255
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def mix(low: Rgb | Colours, high: Rgb | Colours, weight: Float[np.ndarray, "p"]) -> Colours:

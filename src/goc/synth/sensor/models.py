@@ -1,0 +1,36 @@
+"""Which faults a capture is given."""
+
+from dataclasses import dataclass, field
+
+from goc.synth.sensor.checks import within
+from goc.synth.sensor.depth import Lidar, StructuredLight
+from goc.synth.sensor.images import ImageFaults
+from goc.synth.sensor.monocular import Monocular
+from goc.synth.sensor.poses import PoseFaults
+
+DepthModel = StructuredLight | Lidar | Monocular
+
+MODELS: dict[str, DepthModel | None] = {
+    "exact": None,
+    "kinect": StructuredLight(),
+    "phone": Lidar(),
+    "monocular": Monocular(),
+}
+"""Depth sensors by name, at their defaults; "exact" leaves the depth as it is."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SensorConfig:
+    """All faults. The same settings and capture give the same bytes; no fault changes the others' random numbers."""
+
+    seed: int = 0
+    """Of all randomness."""
+    depth: DepthModel | None = None
+    """What measures the depth; None leaves it exact."""
+    image: ImageFaults = field(default_factory=ImageFaults)
+    pose: PoseFaults = field(default_factory=PoseFaults)
+    masks: float = 0.0
+    """Share of each view's masks that are swapped, dropped, dilated or eroded, 0 to 1."""
+
+    def __post_init__(self) -> None:
+        within(self, "", {"seed": (0, 2**31), "masks": (0, 1)})

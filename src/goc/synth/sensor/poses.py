@@ -1,0 +1,34 @@
+"""Poses as they are estimated: a little turned and shifted, each view on its own."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial.transform import Rotation
+
+from goc.synth.sensor.checks import within
+
+
+@dataclass(frozen=True, kw_only=True)
+class PoseFaults:
+    """Errors of camera poses; 0 switches one off."""
+
+    rotation_deg: float = 0.0
+    """Root mean square of the angle by which a camera is turned, about a random axis."""
+    translation_m: float = 0.0
+    """Root mean square of the distance by which a camera is shifted."""
+
+    def __post_init__(self) -> None:
+        within(self, "pose", {"rotation_deg": (0, 90), "translation_m": (0, 100)})
+
+
+def shake(
+    world_from_cam: Float[np.ndarray, "4 4"], config: PoseFaults, rng: np.random.Generator
+) -> Float[np.ndarray, "4 4"]:
+    """A pose turned about its own centre and shifted; rotation and shift vectors are normal and isotropic."""
+    turn, shift = rng.standard_normal((2, 3)) / np.sqrt(3)
+    noisy = world_from_cam.copy()
+    turned = Rotation.from_rotvec(np.radians(config.rotation_deg) * turn).as_matrix()
+    noisy[:3, :3] = noisy[:3, :3] @ turned
+    noisy[:3, 3] += config.translation_m * shift
+    return noisy
