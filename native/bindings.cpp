@@ -8,6 +8,7 @@ namespace nb = nanobind;
 namespace goc {
 void bind_fuse(nb::module_& module);
 void bind_losses(nb::module_& module);
+void bind_multiview(nb::module_& module);
 void bind_noise(nb::module_& module);
 void bind_raster(nb::module_& module);
 void bind_raycast(nb::module_& module);
@@ -20,6 +21,7 @@ NB_MODULE(_native, module) {
   module.def("set_thread_count", &goc::set_thread_count, nb::arg("count"), "Use `count` threads from now on.");
   goc::bind_fuse(module);
   goc::bind_losses(module);
+  goc::bind_multiview(module);
   goc::bind_noise(module);
   goc::bind_raster(module);
   goc::bind_raycast(module);

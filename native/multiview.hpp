@@ -1,0 +1,74 @@
+// L_pho (Eq. 5) and L_geo of paper §4.2, with their gradient: a rendered depth fetches a neighbour's photograph into the
+// view, and carries the view's pixels to the neighbour's surface and back.
+#pragma once
+#include <cstdint>
+#include <vector>
+
+#include "block_ssim.hpp"
+
+namespace goc {
+
+struct Lens {
+  float fx, fy, cx, cy;
+  int width, height;
+};
+
+// The view that is drawn.
+struct WarpedView {
+  const float* numerator;  // depth = numerator / denominator (height, width)
+  const float* denominator;
+  const float* alpha;         // (height, width)
+  const std::uint8_t* image;  // (height, width, 3)
+  Lens lens;
+};
+
+// The neighbour that it is compared with.
+struct WarpSource {
+  const std::uint8_t* image;  // (height, width, 3)
+  Lens lens;
+  const float* inverse_depth;  // 1/z (height, width), 0 = none
+  Lens depth_lens;
+  const float* from_view;  // (3, 4), rows of [R | t]: its camera axes from those of the view
+};
+
+struct MultiviewWeights {
+  float photometric, geometric;
+  float tolerance;  // depths within this share of each other show one surface
+};
+
+struct MultiviewLosses {
+  double photometric, geometric;  // means over their valid pixels, 0 where there is none
+};
+
+// Keeps its workspace between calls.
+class MultiviewLoss {
+ public:
+  // Fills the gradients of photometric·L_pho + geometric·L_geo with respect to numerator and denominator of the view's
+  // depth and, unless it is null, to the neighbour's inverse depth.
+  MultiviewLosses operator()(const WarpedView& view, const WarpSource& source, const MultiviewWeights& weights,
+                             float* numerator_grad, float* denominator_grad, float* inverse_grad);
+
+ private:
+  struct Landing;
+  // A pixel's pull on the neighbour's inverse depth, at (u, v) there.
+  struct Pull {
+    float u, v, amount;
+  };
+
+  void warp_pixel(const WarpedView& view, const WarpSource& source, const MultiviewWeights& weights, int x, int y);
+  void fetch_colour(const WarpedView& view, const WarpSource& source, const Landing& landing, std::size_t pixel);
+  void add_to_depth(const WarpedView& view, float photometric, float geometric, float* numerator_grad,
+                    float* denominator_grad) const;
+  void scatter_pulls(const Lens& lens, float scale, float* inverse_grad) const;
+
+  BlockSsim ssim_;
+  std::vector<float> depth_;                     // (height, width), 0 = none
+  std::vector<float> warped_, seen_, slope_;     // (3, height, width): C̃, C and dC̃/dD, 0 where C̃ is not known
+  std::vector<float> known_;                     // (height, width): 1 where C̃ is known, else 0
+  std::vector<float> warped_grad_;               // (3, height, width): of the sum over pixels
+  std::vector<float> geometric_grad_;            // (height, width): of the sum over pixels, by D
+  std::vector<Pull> pulls_;                      // (height, width)
+  std::vector<PixelSum> geometric_sums_;         // of each row
+};
+
+}  // namespace goc
