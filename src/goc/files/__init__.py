@@ -7,8 +7,10 @@ from goc.files.images import (
     read_depth,
     read_ids,
     read_image,
+    read_normals,
     write_depth,
     write_ids,
+    write_normals,
     write_png,
 )
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
@@ -30,6 +32,7 @@ __all__ = [
     "read_json",
     "read_matrix",
     "read_mesh",
+    "read_normals",
     "read_observed_mesh",
     "read_ply",
     "read_points",
@@ -41,6 +44,7 @@ __all__ = [
     "write_ids",
     "write_json",
     "write_mesh",
+    "write_normals",
     "write_ply",
     "write_png",
     "write_points",
