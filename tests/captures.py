@@ -12,7 +12,7 @@ import numpy as np
 from PIL import Image
 
 from goc.capture.source import Lens
-from goc.files import write_depth, write_ids, write_png, write_points
+from goc.files import write_depth, write_ids, write_normals, write_png, write_points
 from goc.scene import PointCloud
 
 ROOM_BOX = np.array([[0.0, 0.0, 0.0], [4.0, 3.0, 2.5]])
@@ -110,6 +110,34 @@ def write_nerfstudio(folder: Path, views: int = 6, lens: Lens = LENS, change: Ca
     change(document)
     (folder / "transforms.json").write_text(json.dumps(document))
     return folder
+
+
+def with_normals(folder: Path, lens: Lens = LENS, turn: tuple[float, float, float] = (1.0, 1.0, 1.0)) -> Path:
+    """Add to a nerfstudio capture the normals of what each camera sees, times `turn`."""
+    document = json.loads((folder / "transforms.json").read_text())
+    for number, frame in enumerate(document["frames"]):
+        opengl = np.array(frame["transform_matrix"])
+        pose = opengl * [1, -1, -1, 1]
+        shot = see(pose, lens)
+        u, v = np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5)
+        bent = np.stack([(u - lens.centre_px[0]) / lens.focal_px[0], (v - lens.centre_px[1]) / lens.focal_px[1]], -1)
+        rays = np.concatenate([unbend(lens, bent), np.ones((*u.shape, 1))], -1)
+        points = pose[:3, 3] + rays @ pose[:3, :3].T * shot.depth[..., None]
+        frame["normal_file_path"] = f"normals/{number:04d}.png"
+        write_normals(folder / frame["normal_file_path"], _box_normals(points, shot.ids) @ pose[:3, :3] * turn)
+    (folder / "transforms.json").write_text(json.dumps(document))
+    return folder
+
+
+def _box_normals(points: np.ndarray, ids: np.ndarray) -> np.ndarray:
+    """World normals of points on the room's inside or a box's outside: of the nearest face."""
+    normals = np.zeros(points.shape)
+    for number, box in ({0: ROOM_BOX} | OBJECTS).items():
+        gaps = np.abs(points[..., None, :] - box)  # (h w 2 3): to the lower and upper faces
+        face = gaps.reshape(*ids.shape, 6).argmin(-1)
+        outwards = np.concatenate([-np.eye(3), np.eye(3)])[face]
+        normals[ids == number] = (outwards if number else -outwards)[ids == number]
+    return normals
 
 
 def write_rgbd(folder: Path, views: int = 6, lens: Lens = LENS, change: Callable[[dict], None] = keep) -> Path:

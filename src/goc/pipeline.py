@@ -63,13 +63,13 @@ def carve(
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):
             capture = given = load_capture(source, config.capture, run)
-        if given.has_depth and not given.has_ids:
+        if given.has_metric_depth and not given.has_ids:
             with run.stage("segment"):
                 capture = segment(given, config.segment, run)
         with run.stage("reconstruct"):
             splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes)
         views = rendered_views(splats, capture)
-        if not capture.has_ids:  # nor depth: the splats' own depth has to do
+        if not capture.has_ids:  # nor metric depth: the splats' own depth has to do
             with run.stage("segment"):
                 views = segment(views, config.segment, run)
                 splats = replace(splats, labels=vote_labels(splats.gaussians, views, list(range(len(views))), run))

@@ -5,12 +5,14 @@ import numpy as np
 import pytest
 import torch
 
+import captures
 from captures import BENT, LENS, corners, poses, see, write_nerfstudio
 from fuzz import mutants
 from goc.capture import CaptureConfig, load_capture
 from goc.capture.source import Lens
 from goc.errors import CaptureError, FileError
 from goc.files import write_depth, write_ids, write_png
+from goc.geometry.normals import normals_from_depth
 
 
 def edit(folder, change):
@@ -198,6 +200,53 @@ def test_missing_images_can_be_left_out(tmp_path):
     messages = [event.message for event in heard]
     assert "1 of 6 images are missing and left out (first: images/0001.png)" in messages
     assert "1 of 5 views have no depth images" in messages
+
+
+@pytest.mark.parametrize("lens", [captures.LENS, BENT])
+def test_normals_are_what_each_camera_sees(tmp_path, lens):
+    """Twin: normals of the boxes' true depth through a pinhole of the decoded camera."""
+    capture = load_capture(captures.with_normals(write_nerfstudio(tmp_path, lens=lens), lens))
+    for pose, frame in zip(poses(), capture, strict=True):
+        shot = see(pose, lens_of(frame.camera))
+        truth = normals_from_depth(torch.from_numpy(shot.depth).float(), frame.camera)
+        cosine = (truth * frame.normals).sum(-1).numpy()[_away_from_edges(shot.ids)]
+        assert np.nanquantile(cosine, 0.1) > 0.999
+        torch.testing.assert_close(frame.normals.norm(dim=-1).nan_to_num(1.0), torch.ones(shot.ids.shape))
+
+
+def test_normals_of_single_views_may_be_missing(tmp_path):
+    captures.with_normals(write_nerfstudio(tmp_path, views=3))
+    edit(tmp_path, lambda document: document["frames"][0].pop("normal_file_path"))
+    heard = []
+    capture = load_capture(tmp_path, notify=heard.append)
+    assert [frame.normals is None for frame in capture] == [True, False, False]
+    assert [event.message for event in heard] == ["1 of 3 views have no normal images"]
+    (tmp_path / "normals/0002.png").unlink()
+    with pytest.raises(CaptureError, match=r"1 of 2 normal images are missing .*no-use-normals"):
+        load_capture(tmp_path)
+    capture = load_capture(tmp_path, CaptureConfig(allow_missing=True))
+    assert [frame.normals is None for frame in capture] == [True, False, True]
+    assert load_capture(tmp_path, CaptureConfig(use_normals=False))[1].normals is None
+
+
+def test_normals_of_opengl_axes_are_refused(tmp_path):
+    captures.with_normals(write_nerfstudio(tmp_path, views=1), turn=(1.0, -1.0, -1.0))
+    with pytest.raises(CaptureError, match=r"normals/0000\.png: most normals look away .* negate y and z"):
+        load_capture(tmp_path)[0]
+
+
+@pytest.mark.parametrize("kind", ["affine", "inverse"])
+def test_monocular_depth_is_kept_as_stored_and_measures_nothing(tmp_path, kind):
+    write_nerfstudio(tmp_path, change=lambda document: document.update(depth_kind=kind))
+    capture = load_capture(tmp_path)
+    assert (capture.has_depth, capture.has_metric_depth, capture.depth_kind) == (True, False, kind)
+    assert not capture.metric and capture.unit != 1.0  # guessed, as without depth
+    np.testing.assert_allclose(capture[0].depth, see(poses()[0]).depth, atol=0.0006)
+    known = load_capture(tmp_path, CaptureConfig(depth_kind="metric"))
+    assert known.has_metric_depth and known.metric and known.unit == 1.0
+    edit(tmp_path, lambda document: document.update(depth_kind="disparity"))
+    with pytest.raises(FileError, match="Invalid enum value 'disparity'"):
+        load_capture(tmp_path)
 
 
 def test_masks_that_are_not_used_are_mentioned(tmp_path):

@@ -200,9 +200,9 @@ def test_captures_without_ids_or_depth_are_refused(room):
         extract_objects(replace(room, has_ids=False), CONFIG)
     frames = [replace(frame, depth=None) for frame in room]
     blind = replace(room, load=frames.__getitem__, has_depth=False)
-    with pytest.raises(ExtractError, match=f"None of {len(room)} views has depth"):
+    with pytest.raises(ExtractError, match=f"None of {len(room)} views has metric depth"):
         fuse_scene(blind, CONFIG)
-    with pytest.raises(ExtractError, match=f"None of {len(room)} views has depth"):
+    with pytest.raises(ExtractError, match=f"None of {len(room)} views has metric depth"):
         extract_objects(blind, CONFIG)
 
 

@@ -8,7 +8,17 @@ from PIL import Image
 
 from fuzz import assert_only_file_errors
 from goc.errors import FileError
-from goc.files import image_size, read_depth, read_ids, read_image, write_depth, write_ids, write_png
+from goc.files import (
+    image_size,
+    read_depth,
+    read_ids,
+    read_image,
+    read_normals,
+    write_depth,
+    write_ids,
+    write_normals,
+    write_png,
+)
 
 RANDOM = np.random.default_rng(0)
 COLOUR = RANDOM.integers(0, 256, (5, 7, 3), dtype=np.uint8)
@@ -55,6 +65,40 @@ def test_depth_comes_back_in_metres_with_nan_for_none(tmp_path):
     expected = np.array([[0.001, 1.234, 65.535], [np.nan, np.nan, np.nan]], np.float32)
     np.testing.assert_allclose(read_depth(tmp_path / "d.png"), expected, rtol=1e-6)
     np.testing.assert_allclose(read_depth(tmp_path / "d.png", unit=0.0002), expected / 5, rtol=1e-6)
+
+
+UNIT = RANDOM.normal(size=(5, 7, 3))
+UNIT /= np.linalg.norm(UNIT, axis=-1, keepdims=True)
+
+
+def test_normals_come_back_as_unit_vectors_with_nan_for_none(tmp_path):
+    normals = UNIT.copy()
+    normals[0, 0] = np.nan
+    write_normals(tmp_path / "n.png", normals)
+    found = read_normals(tmp_path / "n.png")
+    np.testing.assert_array_equal(np.isnan(found[..., 0]), np.isnan(normals[..., 0]))
+    np.testing.assert_allclose(found, normals, atol=0.006)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1)[1:], 1.0, rtol=1e-5)
+
+
+def test_normals_of_sixteen_bits_are_read(tmp_path):
+    """A PNG written by hand, since Pillow cannot: big-endian words after a filter byte a row."""
+    words = np.rint((UNIT + 1) * 32767.5).astype(">u2")
+    words[0, 0] = 0
+    rows = b"".join(b"\0" + row.tobytes() for row in words)
+    header = struct.pack(">IIBBBBB", 7, 5, 16, 2, 0, 0, 0)
+    chunks = [(b"IHDR", header), (b"IDAT", zlib.compress(rows)), (b"IEND", b"")]
+    png = b"".join(struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in chunks)
+    (tmp_path / "n.png").write_bytes(b"\x89PNG\r\n\x1a\n" + png)
+    found = read_normals(tmp_path / "n.png")
+    assert np.isnan(found[0, 0]).all()
+    np.testing.assert_allclose(found[1:], UNIT[1:], atol=0.01)
+
+
+def test_a_grey_normal_image_is_refused(tmp_path):
+    write_png(tmp_path / "n.png", GREY)
+    with pytest.raises(FileError, match=r"n\.png: expected a normal image, found L pixels\. Write it as an RGB PNG"):
+        read_normals(tmp_path / "n.png")
 
 
 def test_depth_is_read_from_npy_without_unpickling(tmp_path):

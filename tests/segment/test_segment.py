@@ -205,13 +205,13 @@ def test_a_scene_without_planes_still_parts():
 
 def test_no_depth_is_refused(furnished):
     blind = replace(furnished, load=lambda index: replace(furnished.load(index), depth=None), has_depth=False)
-    with pytest.raises(SegmentError, match=r"none of the 14 views has depth \(first: images/000.png\).*Give depth"):
+    with pytest.raises(SegmentError, match=r"none of the 14 views has metric depth \(first: images/000.png\).*Give"):
         segment(blind, CONFIG)
 
 
 def test_depth_that_is_all_nan_is_refused(furnished):
     empty = torch.full((120, 160), torch.nan)
-    with pytest.raises(SegmentError, match="none of the 14 views has depth"):
+    with pytest.raises(SegmentError, match="none of the 14 views has metric depth"):
         segment(replace(furnished, load=lambda index: replace(furnished.load(index), depth=empty)), CONFIG)
 
 

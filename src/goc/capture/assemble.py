@@ -24,11 +24,9 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     """
     views = _with_images(source, config, notify)
     _check_names(source, views)
-    measured = any(view.depth is not None for view in views)
-    views = tuple(
-        replace(view, depth=view.depth if config.use_depth else None, ids=view.ids if config.use_ids else None)
-        for view in views
-    )
+    kind = config.depth_kind or source.depth_kind
+    measured = kind == "metric" and any(view.depth is not None for view in views)
+    views = tuple(_wanted(view, config) for view in views)
     views = _with_side_images(source, views, config, notify)
     _check_headers(source, views)
     decoder = Decoder(depth_unit=source.depth_unit, id_codes=source.id_codes, max_side_px=config.max_side_px)
@@ -46,10 +44,21 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         load=cache,
         has_depth=any(view.depth is not None for view in views),
         has_ids=any(view.ids is not None for view in views),
+        depth_kind=kind,
         points=source.points,
         labels=source.labels if config.use_ids else {},
         unit=unit,
         metric=measured or config.unit is not None,
+    )
+
+
+def _wanted(view: View, config: CaptureConfig) -> View:
+    """The view with what the user does not want left out."""
+    return replace(
+        view,
+        depth=view.depth if config.use_depth else None,
+        ids=view.ids if config.use_ids else None,
+        normals=view.normals if config.use_normals else None,
     )
 
 
@@ -71,11 +80,10 @@ def _with_images(source: Source, config: CaptureConfig, notify: Listener) -> tup
 def _with_side_images(
     source: Source, views: tuple[View, ...], config: CaptureConfig, notify: Listener
 ) -> tuple[View, ...]:
-    """Check that the depth and id images that the capture names are there."""
-    for kind in ("depth", "ids"):
+    """Check that the depth, id and normal images that the capture names are there."""
+    for kind, what in (("depth", "depth images"), ("ids", "id images"), ("normals", "normal images")):
         named = [view for view in views if getattr(view, kind) is not None]
         missing = [view.name for view in named if not is_file(getattr(view, kind))]
-        what = {"depth": "depth images", "ids": "id images"}[kind]
         if missing and not config.allow_missing:
             remedy = f"Add them, or pass --capture.allow-missing or --capture.no-use-{kind}."
             raise complain(source.path, missing, len(named), f"{what} are missing", remedy)
@@ -109,6 +117,6 @@ def _check_headers(source: Source, views: tuple[View, ...]) -> None:
         remedy = "Scale the images or the intrinsics; where sides are swapped, rotate the pixels as EXIF says."
         raise complain(source.path, wrong, len(views), "images are not of the size of their intrinsics", remedy)
     for view in views:
-        for path in (view.depth, view.ids):
+        for path in (view.depth, view.ids, view.normals):
             if path is not None and path.suffix.lower() != ".npy":
                 check_shape(path, *image_size(path), view.lens)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from goc.errors import ConfigError
+from goc.scene import DepthKind
 
 
 @dataclass(frozen=True)
@@ -13,12 +14,17 @@ class CaptureConfig:
     """Use the instance ids that come with the capture; otherwise they count as absent."""
     use_depth: bool = True
     """Use the depth images that come with the capture; otherwise they count as absent."""
+    use_normals: bool = True
+    """Use the normal images that come with the capture; otherwise they count as absent."""
+    depth_kind: DepthKind | None = None
+    """What a stored depth D means. metric: z. affine: z = k·D + b, inverse: 1/z = k·D + b, with k > 0 and b unknown of
+    each view, as monocular networks estimate depth and disparity. Default: as the capture says, else metric."""
     allow_missing: bool = False
-    """Leave out views whose image is missing, and depth or ids that are missing, with a warning instead of an error."""
+    """Leave out views whose image is missing, and missing depth, ids or normals, with a warning instead of an error."""
     max_side_px: int = 640
     """Scale views down until the longer side has at most this many pixels."""
     unit: float | None = None
-    """Scene units in one metre, where you know it. Default: 1 with depth, else guessed from the camera path."""
+    """Scene units in one metre, where you know it. Default: 1 with metric depth, else guessed from the camera path."""
     cache_mb: int = 512
     """Memory for decoded views, in MiB; views beyond it are decoded again when asked for."""
 

@@ -6,14 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int16, Shaped, UInt8
+from jaxtyping import Float, Int16, UInt8
 from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
 from goc.capture.distortion import kept_box, sampling_grid
 from goc.capture.source import IdCodes, Lens, View
 from goc.errors import CaptureError
-from goc.files import read_depth, read_ids, read_image
+from goc.files import read_depth, read_ids, read_image, read_normals
+from goc.geometry.rays import pixel_rays
 from goc.scene import ROOM, UNLABELLED, Camera, Frame
 
 _SAME_ASPECT = 0.01
@@ -53,10 +54,11 @@ class Decoder:
         _check_size(view.image, image.shape[1], image.shape[0], view.lens)
         depth = None if view.depth is None else self._depth(view.depth, view.lens, camera)
         ids = None if view.ids is None else self._ids(view.ids, view.lens, camera)
-        return Frame(camera=camera, image=_colour(image, view.lens, camera), depth=depth, ids=ids)
+        normals = None if view.normals is None else _normals(view.normals, view.lens, camera)
+        return Frame(camera=camera, image=_colour(image, view.lens, camera), depth=depth, normals=normals, ids=ids)
 
     def _depth(self, path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w"]:
-        return _nearest(path, torch.from_numpy(read_depth(path, self.depth_unit)), lens, camera)
+        return _nearest(path, torch.from_numpy(read_depth(path, self.depth_unit))[None], lens, camera)[0]
 
     def _ids(self, path: Path, lens: Lens, camera: Camera) -> Int16[Tensor, "h w"]:
         stored = read_ids(path)
@@ -66,11 +68,11 @@ class Decoder:
             ids[stored == self.id_codes.unknown] = UNLABELLED
         if self.id_codes.values:
             ids[~np.isin(stored, self.id_codes.values)] = UNLABELLED
-        return _nearest(path, torch.from_numpy(ids).float(), lens, camera).to(torch.int16)
+        return _nearest(path, torch.from_numpy(ids).float()[None], lens, camera)[0].to(torch.int16)
 
 
 def check_shape(path: Path, width: int, height: int, lens: Lens) -> None:
-    """Refuse depth or ids whose raster is not the image's, at any resolution.
+    """Refuse depth, ids or normals whose raster is not the image's, at any resolution.
 
     Raises:
         CaptureError: another aspect ratio.
@@ -78,7 +80,7 @@ def check_shape(path: Path, width: int, height: int, lens: Lens) -> None:
     if not math.isclose(width * lens.height, height * lens.width, rel_tol=_SAME_ASPECT):
         raise CaptureError(
             f"{path}: {width} x {height} pixels, another aspect ratio than the image's {lens.width} x {lens.height}. "
-            "Depth and ids must be registered to the colour image."
+            "Depth, ids and normals must be registered to the colour image."
         )
 
 
@@ -104,13 +106,26 @@ def _colour(image: UInt8[Tensor, "H W 3"], lens: Lens, camera: Camera) -> UInt8[
     return planes[0].permute(1, 2, 0).round().clamp(0, 255).to(torch.uint8).contiguous()
 
 
-def _nearest(path: Path, values: Float[Tensor, "H W"], lens: Lens, camera: Camera) -> Shaped[Tensor, "h w"]:
-    """Bring depth or ids onto the camera's raster without mixing neighbours."""
-    check_shape(path, values.shape[1], values.shape[0], lens)
-    planes = values[None, None]
+def _normals(path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w 3"]:
+    """Normals towards the camera; those that look away, at edges, count as none. Undistortion turns no axis."""
+    stored = torch.from_numpy(read_normals(path)).permute(2, 0, 1)
+    normals = _nearest(path, stored, lens, camera).permute(1, 2, 0)
+    towards = (normals * pixel_rays(camera)).sum(-1)
+    if (towards > 0).sum() > (towards < 0).sum():
+        raise CaptureError(
+            f"{path}: most normals look away from the camera. Write them in OpenCV camera axes (x right, y down, "
+            "z forward): from OpenGL axes, negate y and z."
+        )
+    return torch.where((towards < 0)[..., None], normals, torch.nan).contiguous()
+
+
+def _nearest(path: Path, values: Float[Tensor, "c H W"], lens: Lens, camera: Camera) -> Float[Tensor, "c h w"]:
+    """Bring depth, ids or normals onto the camera's raster without mixing neighbours."""
+    check_shape(path, values.shape[2], values.shape[1], lens)
+    planes = values[None]
     if not lens.is_pinhole:
         grid = sampling_grid(lens)[None]
         planes = F.grid_sample(planes, grid, mode="nearest", padding_mode="border", align_corners=False)
     if planes.shape[2:] != (camera.height, camera.width):
         planes = F.interpolate(planes, size=(camera.height, camera.width), mode="nearest-exact")
-    return planes[0, 0].contiguous()
+    return planes[0].contiguous()

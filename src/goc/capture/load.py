@@ -24,7 +24,8 @@ def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listen
         notify: hears of everything that was left out.
 
     Returns:
-        Pinhole views (distortion is undone while decoding), OpenCV camera axes, depth in scene units.
+        Pinhole views (distortion is undone while decoding), OpenCV camera axes, depth in scene units
+        unless its kind says otherwise.
 
     Raises:
         CaptureError: files contradict each other, are missing, or nothing here is a capture.

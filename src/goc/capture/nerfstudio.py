@@ -15,6 +15,7 @@ from goc.capture.source import Source, View, complain, count_of, parse_labels, s
 from goc.errors import CaptureError
 from goc.events import Listener, Warned
 from goc.files import is_file, read_json, read_points
+from goc.scene import DepthKind
 
 _ID_FOLDERS = ("instance", "instance_mask", "object_mask")
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG")
@@ -24,6 +25,7 @@ class _Entry(Intrinsics, kw_only=True):
     file_path: str
     transform_matrix: list[list[float]]
     depth_file_path: str | None = None
+    normal_file_path: str | None = None
     instance_file_path: str | None = None
     mask_path: str | None = None
 
@@ -31,6 +33,7 @@ class _Entry(Intrinsics, kw_only=True):
 class _Transforms(Intrinsics, kw_only=True):
     frames: list[_Entry]
     depth_unit_scale_factor: float = 0.001
+    depth_kind: DepthKind = "metric"
     ply_file_path: str | None = None
 
 
@@ -55,6 +58,7 @@ def read_transforms(path: Path, config: CaptureConfig, notify: Listener) -> Sour
         path=path,
         views=_views(path, document),
         depth_unit=document.depth_unit_scale_factor,
+        depth_kind=document.depth_kind,
         labels=_labels(root / "labels.json"),
         points=None if document.ply_file_path is None else read_points(root / document.ply_file_path),
     )
@@ -78,6 +82,7 @@ def _views(path: Path, document: _Transforms) -> tuple[View, ...]:
                 image=image,
                 depth=None if entry.depth_file_path is None else path.parent / entry.depth_file_path,
                 ids=_ids_path(path.parent, entry),
+                normals=None if entry.normal_file_path is None else path.parent / entry.normal_file_path,
             )
         )
     if bad:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from goc.errors import CaptureError
-from goc.scene import PointCloud
+from goc.scene import DepthKind, PointCloud
 
 _LONGEST_NAME = 120
 
@@ -56,6 +56,7 @@ class View:
     image: Path
     depth: Path | None = None
     ids: Path | None = None
+    normals: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -67,6 +68,7 @@ class Source:
     views: tuple[View, ...]
     depth_unit: float = 0.001
     """Scene units that a stored depth of 1 means."""
+    depth_kind: DepthKind = "metric"
     id_codes: IdCodes = IdCodes()
     labels: dict[int, str] = field(default_factory=dict)
     points: PointCloud | None = None

@@ -12,7 +12,7 @@ from goc import __version__
 from goc.export.machine import Machine, peak_memory_mb, this_machine
 from goc.export.record import RunRecord
 from goc.files import write_json
-from goc.scene import Capture, Mesh, ObjectMesh, SceneAssets
+from goc.scene import Capture, DepthKind, Mesh, ObjectMesh, SceneAssets
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -29,6 +29,8 @@ class CaptureFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     height: int
     """Of the first view, pixels."""
     has_depth: bool
+    depth_kind: DepthKind
+    """Of the depth, where there is any: metric, or monocular (affine, inverse)."""
     has_ids: bool
     unit: float
     """Scene units in one metre."""
@@ -124,6 +126,7 @@ def _capture_facts(source: Path, capture: Capture) -> CaptureFacts:
         width=capture.cameras[0].width,
         height=capture.cameras[0].height,
         has_depth=capture.has_depth,
+        depth_kind=capture.depth_kind,
         has_ids=capture.has_ids,
         unit=capture.unit,
         metric=capture.metric,

@@ -59,14 +59,14 @@ def depth_views(views: Capture, stage: str, notify: Listener) -> Iterator[DepthV
     """All views that have depth, in order, reporting progress.
 
     Raises:
-        ExtractError: no view has depth.
+        ExtractError: no view has metric depth.
     """
     found = 0
-    for index in range(len(views)):
+    for index in range(len(views)) if views.has_metric_depth else []:
         view = depth_view(views[index])
         if view is not None:
             found += 1
             yield view
         notify(Progress(stage=stage, done=index + 1, total=len(views)))
     if not found:
-        raise ExtractError(f"None of {len(views)} views has depth: there is no surface to fuse. Render depth first.")
+        raise ExtractError(f"None of {len(views)} views has metric depth: no surface to fuse. Render depth first.")

@@ -43,4 +43,4 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture) -> Capture:
             kept[index] = (depth, ids)
         return replace(capture[index], depth=depth, normals=None, ids=ids)
 
-    return replace(capture, load=load, has_depth=True, has_ids=labelled)
+    return replace(capture, load=load, has_depth=True, has_ids=labelled, depth_kind="metric")

@@ -83,6 +83,30 @@ def read_ids(path: Path) -> Int16[np.ndarray, "h w"]:
     return ids.astype(np.int16)
 
 
+def read_normals(path: Path) -> Float32[np.ndarray, "h w 3"]:
+    """Read unit normals from the colours of an image, n = value / maximum · 2 - 1.
+
+    Of 16 bits a channel, Pillow keeps the upper 8: steps of 0.4°.
+
+    Args:
+        path: an 8- or 16-bit RGB image; black = none.
+
+    Returns:
+        Unit vectors, NaN = none. Values that are no direction at all (length below 0.5) count as none too.
+
+    Raises:
+        FileError: missing, damaged, or grey.
+    """
+    image = _decoded(path)
+    if image.mode not in ("RGB", "RGBA"):
+        raise FileError(f"{path}: expected a normal image, found {image.mode} pixels. Write it as an RGB PNG.")
+    stored = np.array(image.convert("RGB"))
+    vectors = stored.astype(np.float32) * np.float32(2.0 / 255.0) - 1.0
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    known = (stored > 0).any(-1, keepdims=True) & (length > 0.5)
+    return np.where(known, vectors / np.maximum(length, 0.5), np.float32(np.nan)).astype(np.float32)
+
+
 def write_png(
     path: Path, pixels: UInt8[np.ndarray, "h w 3"] | UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
 ) -> None:

@@ -133,7 +133,7 @@ def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str
         shown = render(gaussians, frame.camera)
         error = (shown.colour - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
         psnrs.append(-10.0 * math.log10(error.item()))
-        if frame.depth is not None:
+        if frame.depth is not None and capture.has_metric_depth:
             difference = (shown.plane_depth - frame.depth).abs()
             depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.unit)
         notify(Progress(stage="measure", done=done, total=len(views)))

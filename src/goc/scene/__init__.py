@@ -2,7 +2,7 @@
 
 from goc.scene.assets import SceneAssets
 from goc.scene.camera import Camera
-from goc.scene.capture import ROOM, UNLABELLED, Capture, Frame, PointCloud
+from goc.scene.capture import ROOM, UNLABELLED, Capture, DepthKind, Frame, PointCloud
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
 from goc.scene.reconstruction import Reconstruction
@@ -13,6 +13,7 @@ __all__ = [
     "UNLABELLED",
     "Camera",
     "Capture",
+    "DepthKind",
     "Evidence",
     "EvidenceGrid",
     "Frame",

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float, Float32, Int16, UInt8
@@ -11,6 +12,10 @@ from goc.scene.camera import Camera
 
 UNLABELLED = -1
 """Id of a pixel nobody labelled: carries no loss and no vote (files say 255, or 65535 in 16 bits)."""
+
+DepthKind = Literal["metric", "affine", "inverse"]
+"""What stored depth D means. metric: z itself. affine: z = k·D + b, inverse: 1/z = k·D + b, with k > 0 and b
+unknown and different in each view, as monocular networks estimate it."""
 
 ROOM = 0
 """Id of walls, floor and ceiling; objects count from 1."""
@@ -24,7 +29,7 @@ class Frame:
     image: UInt8[Tensor, "h w 3"]
     """sRGB as stored."""
     depth: Float[Tensor, "h w"] | None = None
-    """z along the optical axis, metres; NaN = none."""
+    """z along the optical axis, scene units; NaN = none. As stored where the capture's `depth_kind` is not metric."""
     normals: Float[Tensor, "h w 3"] | None = None
     """Unit, camera axes, towards the camera (z < 0); NaN = none."""
     ids: Int16[Tensor, "h w"] | None = None
@@ -49,8 +54,10 @@ class Capture:
     """What errors and reports call each view: its image path inside the capture."""
     load: Callable[[int], Frame]
     has_depth: bool
-    """Some view has depth; a single view may still lack it."""
+    """Some view has depth, of any kind; a single view may still lack it."""
     has_ids: bool
+    depth_kind: DepthKind = "metric"
+    """What the depth of all views means."""
     points: PointCloud | None = None
     labels: dict[int, str] = field(default_factory=dict)
     """Names of ids where the capture gives them."""
@@ -58,6 +65,11 @@ class Capture:
     """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that
     thresholds stated in metres mean something."""
     metric: bool = True
+
+    @property
+    def has_metric_depth(self) -> bool:
+        """Some view's depth is z in scene units, which can be measured in and fused."""
+        return self.has_depth and self.depth_kind == "metric"
 
     def __len__(self) -> int:
         return len(self.cameras)

@@ -148,15 +148,15 @@ def fuse(views: Capture, config: SegmentConfig, notify: Listener) -> Surface:
 def _resolution(views: Capture, kept: list[int], config: SegmentConfig) -> tuple[float, int]:
     """Voxel edge in scene units and pixel stride, from the median depth of some views."""
     medians, footprints = [], []
-    for index in kept[:: max(1, len(kept) // 12)] if views.has_depth else []:
+    for index in kept[:: max(1, len(kept) // 12)] if views.has_metric_depth else []:
         z = depth_of(views, index)
         if z is not None and np.isfinite(z).any():
             medians.append(float(np.nanmedian(z)))
             footprints.append(medians[-1] / float(views.cameras[index].focal_px.max()))
     if not medians:
         raise SegmentError(
-            f"none of the {len(views)} views has depth (first: {views.names[0] if len(views) else 'no view'}), and "
-            "telling objects apart without masks needs it. Give depth images, or ids with the capture."
+            f"none of the {len(views)} views has metric depth (first: {views.names[0] if len(views) else 'no view'}), "
+            "and telling objects apart without masks needs it. Give depth images, or ids with the capture."
         )
     if config.voxel_m is not None:
         voxel = config.voxel_m * views.unit
