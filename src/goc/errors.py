@@ -43,3 +43,9 @@ class ExtractError(GocError):
 
 class ExportError(GocError):
     """The output folder cannot be used."""
+
+
+class BenchError(GocError):
+    """A run of the benchmark failed."""
+
+    exit_code = 5

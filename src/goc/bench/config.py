@@ -1,0 +1,45 @@
+"""Settings of the benchmark."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from goc.errors import ConfigError
+
+Suite = Literal["rooms", "sensors", "labels", "ablations", "paper"]
+SUITES: tuple[Suite, ...] = ("rooms", "sensors", "labels", "ablations", "paper")
+
+
+@dataclass(frozen=True, kw_only=True)
+class BenchConfig:
+    """What is measured on what."""
+
+    suites: tuple[Suite, ...] = SUITES
+    """rooms: Tables 1 and 2. sensors: noisy, monocular and no depth. labels: clean and spoiled masks, voted and learned.
+    ablations: Table 4, a loss left out at a time. paper: the paper's 30,000 steps; hours on two cores."""
+    data: Path | None = None
+    """Folder of rooms with ground truth (a folder each: transforms.json, transforms_sparse.json, gt/)."""
+    rooms: tuple[str, ...] = ()
+    """Which rooms of --data; default: all."""
+    synth_rooms: int = 1
+    """Rooms that `goc synth` makes for the benchmark, beside those of --data."""
+    ablation_rooms: tuple[str, ...] = ()
+    """Rooms of the suites ablations and paper; default: the first."""
+    ablation_views: Literal["full", "sparse"] = "sparse"
+    """Views of the suites ablations and paper."""
+    iterations: int | None = None
+    """Optimisation steps of every run except the paper's; default: the preset's."""
+    max_side_px: int | None = None
+    """Scale views down to this; default: as `goc carve` does."""
+    fresh: bool = False
+    """Measure again what is measured already."""
+
+    def __post_init__(self) -> None:
+        if self.synth_rooms < 0:
+            raise ConfigError(f"--synth-rooms is {self.synth_rooms}: needs 0 or more.")
+        if not self.suites:
+            raise ConfigError(f"--suites names none. There are: {', '.join(SUITES)}.")
+        if self.data is None and self.rooms:
+            raise ConfigError("--rooms chooses among the rooms of --data, which is not given.")
+        if self.data is None and not self.synth_rooms:
+            raise ConfigError("No rooms: give --data FOLDER, or --synth-rooms 1 or more.")

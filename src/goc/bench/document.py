@@ -1,0 +1,99 @@
+"""docs/benchmarks.md: every figure in it comes from a result on disk, or is the paper's."""
+
+import math
+
+from goc.bench.paper import TABLES, Quoted
+from goc.bench.plan import Kind, Row, Table
+from goc.bench.result import Result
+from goc.export.machine import Machine
+
+_COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
+    "geometry": (
+        ("accuracy", "Acc", 4),
+        ("completion", "Comp", 4),
+        ("chamfer", "CD", 4),
+        ("f_score_0.05", "F@5cm", 3),
+        ("f_score_0.01", "F@1cm", 3),
+        ("normal_consistency", "NC", 3),
+        ("completion_seen", "Comp seen", 4),
+        ("completion_unseen", "Comp unseen", 4),
+        ("scene.chamfer", "scene CD", 4),
+        ("scene.f_score_0.05", "scene F@5cm", 3),
+        ("scene.normal_consistency", "scene NC", 3),
+        ("psnr_db", "PSNR dB", 1),
+    ),
+    "labels": (
+        ("label_accuracy", "right id", 4),
+        ("label_recall", "found", 4),
+        ("accuracy", "Acc", 4),
+        ("f_score_0.05", "F@5cm", 3),
+        ("psnr_db", "PSNR dB", 1),
+    ),
+}
+_INTRODUCTION = """\
+# Benchmarks
+
+Written by `goc bench`; every figure was measured by it, except the rows marked *paper*, which quote the paper's tables
+(other rooms, other hardware: compare the shape, not the level). Lengths in metres. Object columns are means over all
+objects of all rooms in a row, scene columns means over rooms; protocol `goc` of `goc eval`
+(docs/guide/eval.md). *objects* counts those found; a missing one scores F = 0. PSNR on views held out.
+Times are wall clock, one run at a time, with whatever else the machine did meanwhile.
+"""
+
+
+def document(tables: list[Table], results: dict[str, Result], machine: Machine, command: str) -> str:
+    """The whole file as Markdown; a run without a result shows as a dash."""
+    commits = sorted({result.commit for result in results.values() if result.commit})
+    lines = [
+        _INTRODUCTION,
+        f"`{command}`\n",
+        f"{machine.cpu}, {machine.cores} cores ({machine.simd}), {machine.memory_gb:g} GB, no GPU used; "
+        f"{machine.system}, Python {machine.python}, PyTorch {machine.torch}; at {', '.join(commits) or 'no commit'}.\n",
+    ]
+    for table in tables:
+        lines += [_table(table, results), ""]
+    return "\n".join(lines)
+
+
+def _table(table: Table, results: dict[str, Result]) -> str:
+    columns = _COLUMNS[table.kind]
+    head = ["", *(title for _, title, _ in columns), "objects", "min", "GB"]
+    lines = [
+        f"## {table.title}\n",
+        f"{table.note}\n",
+        "| " + " | ".join(head) + " |",
+        "|" + "---|" * len(head),
+    ]
+    lines += [_ours(row, results, columns) for row in table.rows]
+    lines += [_theirs(quoted, columns) for quoted in TABLES.get(table.paper or "", ())]
+    return "\n".join(lines)
+
+
+def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, int], ...]) -> str:
+    found = [results[run.name] for run in row.runs if run.name in results]
+    if len(found) < len(row.runs):
+        return "| " + " | ".join([row.label, *("–" for _ in columns), "–", "–", "–"]) + " |"
+    cells = [_shown(_mean([result.values.get(key) for result in found]), digits) for key, _, digits in columns]
+    objects = f"{sum(result.found for result in found)} of {sum(result.objects for result in found)}"
+    minutes = _shown(_mean([result.seconds / 60 for result in found]), 1)
+    gigabytes = _shown(_mean([_gigabytes(result.peak_memory_mb) for result in found]), 2)
+    return "| " + " | ".join([row.label, *cells, objects, minutes, gigabytes]) + " |"
+
+
+def _theirs(quoted: Quoted, columns: tuple[tuple[str, str, int], ...]) -> str:
+    cells = [_shown(quoted.values.get(key), 4) for key, _, _ in columns]
+    return "| " + " | ".join([f"*paper:* {quoted.label}", *cells, "", quoted.time, ""]) + " |"
+
+
+def _gigabytes(megabytes: float | None) -> float | None:
+    return None if megabytes is None else megabytes / 1000
+
+
+def _mean(values: list[float | None]) -> float | None:
+    """Of the values there are; None where one is missing: a mean over fewer rooms would not compare."""
+    known = [value for value in values if value is not None and math.isfinite(value)]
+    return sum(known) / len(known) if known and len(known) == len(values) else None
+
+
+def _shown(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{value:.{digits}f}"

@@ -1,0 +1,49 @@
+"""What the runs work on: rooms made for the benchmark, and spoiled copies of rooms."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from goc.bench.config import BenchConfig
+from goc.bench.plan import Run
+from goc.events import Listener
+from goc.files import is_file
+from goc.synth.demo import RoomConfig, make_demo_capture
+from goc.synth.sensor import MODELS, SensorConfig, degrade_capture
+
+_SPOILED_MASKS = 0.1
+_FAULTS = {
+    "kinect": SensorConfig(depth=MODELS["kinect"]),
+    "monocular": SensorConfig(depth=MODELS["monocular"]),
+    "masks": SensorConfig(masks=_SPOILED_MASKS),
+}
+"""Sensor of each input; the others take a room as it is."""
+
+
+def make_rooms(config: BenchConfig, folder: Path, notify: Listener) -> dict[str, Path]:
+    """Synthetic rooms by name: the n-th is always the same one."""
+    rooms = {f"synth{seed}": folder / f"synth{seed}" for seed in range(config.synth_rooms)}
+    for seed, room in enumerate(rooms.values()):
+        _made(room, lambda new, seed=seed: make_demo_capture(new, RoomConfig(seed=seed), notify))
+    return rooms
+
+
+def make_input(room: Path, run: Run, folder: Path, notify: Listener) -> Path:
+    """The capture that a run is given: the room itself, or a copy that a sensor spoiled."""
+    faults = _FAULTS.get(run.input)
+    if faults is None:
+        return room
+    copy = folder / f"{run.room}-{run.input}"
+    _made(copy, lambda new: degrade_capture(room, new, faults, notify))
+    return copy
+
+
+def _made(capture: Path, make: Callable[[Path], object]) -> None:
+    """Make a capture unless it is there; under another name first, so that one that is there is whole."""
+    if is_file(capture / "transforms.json"):
+        return
+    making = capture.with_name(f".{capture.name}.making")
+    shutil.rmtree(making, ignore_errors=True)
+    capture.parent.mkdir(parents=True, exist_ok=True)
+    make(making)
+    making.rename(capture)

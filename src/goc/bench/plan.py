@@ -1,0 +1,206 @@
+"""What is run, and which table shows it."""
+
+import hashlib
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from goc.bench.config import BenchConfig
+from goc.errors import CaptureError
+
+Views = Literal["full", "sparse"]
+TRANSFORMS: dict[Views, str] = {"full": "transforms.json", "sparse": "transforms_sparse.json"}
+Input = Literal["exact", "kinect", "monocular", "photographs", "masks"]
+"""exact: depth and ids as rendered. kinect: noisy depth. monocular: depth without scale and offset. photographs: no
+depth. masks: a tenth of the masks of each view spoiled."""
+Kind = Literal["geometry", "labels"]
+
+SIX_LOSSES = {"depth": 0.3, "depth_normal": 0.1, "photometric": 0.3, "geometric": 0.3}
+"""The paper's weights (§4.4)."""
+_TITLES = {"depth": "L_d", "depth_normal": "L_dn", "photometric": "L_pho", "geometric": "L_geo"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One capture, carved once."""
+
+    room: str
+    views: Views
+    input: Input = "exact"
+    method: Literal["carve", "fuse"] = "carve"
+    """carve: `goc carve`. fuse: the given depth and ids fused and meshed, without splats: what perfect rendering gives."""
+    words: tuple[str, ...] = ()
+    """Of the command line, after the folders."""
+
+    @property
+    def name(self) -> str:
+        """Its folder: readable, and different for different settings."""
+        parts = [self.room, self.views, self.input, self.method]
+        if self.words:
+            parts.append(hashlib.sha256("\0".join(self.words).encode()).hexdigest()[:8])
+        return "-".join(parts)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """A line of a table: the mean over its runs."""
+
+    label: str
+    runs: tuple[Run, ...]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Rows to be compared with each other, and with the paper's."""
+
+    title: str
+    note: str
+    kind: Kind
+    rows: tuple[Row, ...]
+    paper: str | None = None
+    """Key in `paper.TABLES`."""
+
+
+def rooms_of(config: BenchConfig) -> dict[str, Path]:
+    """Rooms by name: those of the data folder. Synthetic ones are added by `inputs.make_rooms`.
+
+    Raises:
+        CaptureError: a room is not there, or lacks its ground truth.
+    """
+    if config.data is None:
+        return {}
+    names = config.rooms or tuple(sorted(path.parent.name for path in config.data.glob("*/transforms.json")))
+    rooms = {name: config.data / name for name in names}
+    lacking = [f"{room}/{file}" for room in rooms.values() for file in _NEEDED if not (room / file).is_file()]
+    if lacking or not rooms:
+        first = lacking[0] if lacking else f"{config.data}/*/transforms.json"
+        raise CaptureError(
+            f"{config.data}: {max(1, len(lacking))} files are missing (first: {first}). "
+            "A room has transforms.json, transforms_sparse.json and gt/points.npz; `goc synth room` makes one."
+        )
+    return rooms
+
+
+_NEEDED = (*TRANSFORMS.values(), "gt/points.npz")
+
+
+def plan(config: BenchConfig, rooms: list[str]) -> list[Table]:
+    """Every table of the chosen suites, in the order of the document."""
+    common = _common_words(config)
+    tables: list[Table] = []
+    for suite in ("rooms", "sensors", "labels", "ablations", "paper"):
+        if suite in config.suites:
+            tables += _SUITES[suite](config, rooms, common)
+    return tables
+
+
+def _common_words(config: BenchConfig) -> tuple[str, ...]:
+    words: list[str] = []
+    if config.iterations is not None:
+        words += ["--iterations", str(config.iterations)]
+    if config.max_side_px is not None:
+        words += ["--capture.max-side-px", str(config.max_side_px)]
+    return tuple(words)
+
+
+def _row(label: str, rooms: list[str], views: Views, words: tuple[str, ...] = (), **given: str) -> Row:
+    return Row(label=label, runs=tuple(Run(room=room, views=views, words=words, **given) for room in rooms))  # type: ignore[arg-type]
+
+
+def _rooms(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    tables = []
+    for number, views in enumerate(TRANSFORMS, 1):
+        rows = [
+            _row("exact depth, fused (no splats)", rooms, views, method="fuse"),
+            _row("goc, without completion", rooms, views, common),
+        ]
+        rows += [_row(f"· {room}", [room], views, common) for room in rooms if len(rooms) > 1]
+        tables.append(
+            Table(
+                title=f"Table {number}: {views} observation",
+                note="Objects and scene of the rooms with exact depth and ids, preset fast.",
+                kind="geometry",
+                rows=tuple(rows),
+                paper=f"table{number}",
+            )
+        )
+    return tables
+
+
+def _sensors(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    rows = [
+        _row("exact depth", rooms, "full", common),
+        _row("depth of a structured-light sensor", rooms, "full", common, input="kinect"),
+        _row("monocular depth only", rooms, "full", common, input="monocular"),
+        _row("photographs only", rooms, "full", (*common, "--capture.no-use-depth"), input="photographs"),
+    ]
+    note = "Full observation, given ids, preset fast; what kind of depth there is, differs."
+    return [Table(title="Other sensors", note=note, kind="geometry", rows=tuple(rows))]
+
+
+def _labels(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    learned = (*common, "--reconstruct.labels", "learned")
+    some = _ablated(config, rooms)
+    rows = [
+        _row("voted, clean masks", rooms, "full", common),
+        _row("voted, 10 % of the masks spoiled", rooms, "full", common, input="masks"),
+        _row(f"voted, clean masks ({', '.join(some)})", some, config.ablation_views, common),
+        _row(f"learned, clean masks ({', '.join(some)})", some, config.ablation_views, learned),
+        _row(f"voted, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, common, input="masks"),
+        _row(f"learned, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, learned, input="masks"),
+    ]
+    note = "Share of an object's surface that carries the right id, and how much of its true surface was found under it."
+    return [Table(title="Labels", note=note, kind="labels", rows=tuple(rows))]
+
+
+def _ablations(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    some, views = _ablated(config, rooms), config.ablation_views
+    tables = []
+    for input in ("exact", "monocular"):
+        rows = [_row("all six losses", some, views, (*common, *_losses(SIX_LOSSES)), input=input)]
+        for name in ("depth_normal", "depth", "photometric", "geometric"):
+            words = (*common, *_losses(SIX_LOSSES | {name: 0.0}))
+            rows.append(_row(f"without {_TITLES[name]}", some, views, words, input=input))
+        rows.append(_row("preset fast", some, views, common, input=input))
+        if input == "monocular":
+            second = (*common, *_losses(SIX_LOSSES), "--reconstruct.multiview.neighbour-depth", "rendered")
+            rows.append(_row("all six, neighbours rendered, not cached", some, views, second, input=input))
+        tables.append(
+            Table(
+                title=f"Table 4: a loss at a time, {input} depth",
+                note=f"{', '.join(some)}, {views} observation, the paper's weights, as many steps as preset fast.",
+                kind="geometry",
+                rows=tuple(rows),
+                paper="table4",
+            )
+        )
+    return tables
+
+
+def _paper(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    some, views = _ablated(config, rooms), config.ablation_views
+    sizes = _common_words(BenchConfig(max_side_px=config.max_side_px))
+    rows = [
+        _row("preset fast", some, views, common),
+        _row("preset paper", some, views, ("--preset", "paper", *sizes)),
+    ]
+    note = f"{', '.join(some)}, {views} observation: 30,000 steps, all six losses, learned labels, against the default."
+    return [Table(title="Paper against fast", note=note, kind="geometry", rows=tuple(rows), paper=None)]
+
+
+def _ablated(config: BenchConfig, rooms: list[str]) -> list[str]:
+    unknown = [room for room in config.ablation_rooms if room not in rooms]
+    if unknown:
+        raise CaptureError(f"--ablation-rooms: no room {unknown[0]!r}. There are: {', '.join(rooms)}.")
+    return list(config.ablation_rooms) or rooms[:1]
+
+
+def _losses(weights: dict[str, float]) -> tuple[str, ...]:
+    words: list[str] = []
+    for name, weight in weights.items():
+        words += [f"--reconstruct.losses.{re.sub('_', '-', name)}", f"{weight:g}"]
+    return tuple(words)
+
+
+_SUITES = {"rooms": _rooms, "sensors": _sensors, "labels": _labels, "ablations": _ablations, "paper": _paper}

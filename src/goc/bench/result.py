@@ -1,0 +1,26 @@
+"""What is kept of a run."""
+
+import msgspec
+
+
+class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One measured run; result.json in its folder."""
+
+    run: str
+    """Its name: room, views, input, method and settings."""
+    command: str
+    """That made it, as a user would type it."""
+    commit: str
+    """Of goc's source tree, with + where it had changes; empty outside of one."""
+    created: str
+    """UTC, ISO 8601."""
+    seconds: float
+    """Wall clock."""
+    peak_memory_mb: float | None
+    """MB = 10⁶ bytes; null where the run had no process of its own."""
+    objects: int
+    """In the ground truth."""
+    found: int
+    """Of these, with a mesh."""
+    values: dict[str, float | None]
+    """Means over the objects by metric; `scene.` before those of the scene; null where not finite."""
