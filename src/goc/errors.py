@@ -43,3 +43,9 @@ class ExtractError(GocError):
 
 class ExportError(GocError):
     """The output folder cannot be used."""
+
+
+class EvaluationError(GocError):
+    """A run and a ground truth cannot be compared."""
+
+    exit_code = 3
