@@ -70,6 +70,44 @@ void occlusions(const TriangleBvh& bvh, Triples origins, Triples directions, In<
   });
 }
 
+void windings(const TriangleBvh& bvh, Triples origins, In<double, nb::shape<3>> direction,
+              Out<std::int32_t, nb::shape<-1>> numbers) {
+  const std::size_t count = origins.shape(0);
+  if (numbers.shape(0) != count) throw std::invalid_argument("winding: arrays of different lengths");
+  nb::gil_scoped_release release;
+  parallel_for(count, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      numbers.data()[i] = bvh.winding(origins.data() + 3 * i, direction.data());
+    }
+  });
+}
+
+void nearest_triangles(const TriangleBvh& bvh, Triples points, In<double, nb::shape<-1>> limits,
+                       Out<double, nb::shape<-1>> distances, Out<std::int32_t, nb::shape<-1>> triangles) {
+  const std::size_t count = points.shape(0);
+  if (limits.shape(0) != count || distances.shape(0) != count || triangles.shape(0) != count) {
+    throw std::invalid_argument("nearest: arrays of different lengths");
+  }
+  nb::gil_scoped_release release;
+  parallel_for(count, kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t i = begin; i < end; ++i) {
+      const Nearest found = bvh.nearest(points.data() + 3 * i, limits.data()[i]);
+      distances.data()[i] = found.distance;
+      triangles.data()[i] = found.triangle;
+    }
+  });
+}
+
+void all_crossings(const TriangleBvh& bvh, Out<std::int32_t, nb::shape<-1>> counts) {
+  if (counts.shape(0) != bvh.size()) throw std::invalid_argument("crossings: one count a triangle");
+  nb::gil_scoped_release release;
+  parallel_for(bvh.size(), kGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t place = begin; place < end; ++place) {
+      counts.data()[bvh.triangle_at(place)] = bvh.crossings(place);
+    }
+  });
+}
+
 }  // namespace
 
 void bind_raycast(nb::module_& module) {
@@ -78,7 +116,12 @@ void bind_raycast(nb::module_& module) {
       .def("closest_hit", &closest_hits, "origins"_a, "directions"_a, "t"_a, "triangles"_a, "barycentrics"_a,
            "Fill t (infinity: none), triangle (-1: none) and barycentric weights of each ray's nearest hit.")
       .def("occluded", &occlusions, "origins"_a, "directions"_a, "max_distances"_a, "blocked"_a,
-           "Fill whether each ray hits anything before its maximal distance.");
+           "Fill whether each ray hits anything before its maximal distance.")
+      .def("winding", &windings, "origins"_a, "direction"_a, "numbers"_a,
+           "Fill how often a ray from each origin leaves the surface more than it enters.")
+      .def("nearest", &nearest_triangles, "points"_a, "limits"_a, "distances"_a, "triangles"_a,
+           "Fill distance (infinity: none within the limit) and triangle (-1: none) nearest to each point.")
+      .def("crossings", &all_crossings, "counts"_a, "Fill how many other triangles each triangle cuts.");
 }
 
 }  // namespace goc

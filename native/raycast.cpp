@@ -105,6 +105,7 @@ struct Ray {
     hit.u = u / area;
     hit.v = v / area;
     hit.w = w / area;
+    hit.back = area < 0.0;
     hit.t = shear_z * (hit.u * z[0] + hit.v * z[1] + hit.w * z[2]);
     return hit.t > 0.0;
   }
@@ -294,6 +295,17 @@ bool TriangleBvh::occluded(const double origin[3], const double direction[3], do
     return found;
   });
   return found;
+}
+
+std::int32_t TriangleBvh::winding(const double origin[3], const double direction[3]) const {
+  constexpr double kFar = std::numeric_limits<double>::infinity();
+  std::int32_t sum = 0;
+  traverse(origin, direction, kFar, [&](std::uint32_t place, const Ray& ray) {
+    RayHit hit;
+    if (ray.intersect(corners_[place], hit)) sum += hit.back ? 1 : -1;
+    return false;
+  });
+  return sum;
 }
 
 }  // namespace goc

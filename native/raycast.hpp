@@ -1,4 +1,5 @@
-// Rays against a triangle soup: a bounding-volume hierarchy built once, then closest hits and occlusion tests.
+// A triangle soup in a bounding-volume hierarchy built once: rays (raycast.cpp), and what lies near or crosses
+// (proximity.cpp).
 #pragma once
 #include <array>
 #include <cstddef>
@@ -12,6 +13,12 @@ struct RayHit {
   double t = std::numeric_limits<double>::infinity();  // in lengths of the direction; infinity: nothing hit
   std::int32_t triangle = -1;
   double u = 0.0, v = 0.0, w = 0.0;  // barycentric weights of the triangle's three corners
+  bool back = false;                 // it was hit from behind: the ray leaves through it
+};
+
+struct Nearest {
+  double distance = std::numeric_limits<double>::infinity();
+  std::int32_t triangle = -1;
 };
 
 class TriangleBvh {
@@ -24,6 +31,20 @@ class TriangleBvh {
 
   // Whether anything is hit with 0 < t < max_t.
   bool occluded(const double origin[3], const double direction[3], double max_t) const;
+
+  // Triangles that the ray leaves through minus those it enters through: the winding number of a closed surface about
+  // the origin, 1 inside an ordinary solid.
+  std::int32_t winding(const double origin[3], const double direction[3]) const;
+
+  // The nearest triangle within `limit`, of two equally near the one with the smaller index; -1 where none is.
+  Nearest nearest(const double point[3], double limit) const;
+
+  // Number of other triangles that triangle `order_[place]` cuts: they share a segment of positive length and are not
+  // coplanar. Triangles that merely touch, in a common edge or corner or else, do not cut each other.
+  std::int32_t crossings(std::size_t place) const;
+
+  std::size_t size() const { return order_.size(); }
+  std::int32_t triangle_at(std::size_t place) const { return order_[place]; }
 
  private:
   // Four children side by side, so that one pass of vector arithmetic tests all their boxes.

@@ -49,3 +49,9 @@ class BenchError(GocError):
     """A run of the benchmark failed."""
 
     exit_code = 5
+
+
+class EvaluationError(GocError):
+    """A run and a ground truth cannot be compared."""
+
+    exit_code = 3

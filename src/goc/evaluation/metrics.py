@@ -41,11 +41,18 @@ class SurfaceScores:
     """(accuracy + completion) / 2, the paper's CD: unsquared, halved."""
     f_score: dict[float, float]
     """Harmonic mean of precision and recall at each threshold."""
+    precision: dict[float, float]
+    """Share of predicted samples nearer to the truth than each threshold."""
+    recall: dict[float, float]
+    """Share of true samples nearer to the prediction than each threshold."""
     normal_consistency: float
     """Mean |cos| between normals of nearest samples, both ways averaged."""
     completion_seen: float = float("nan")
     """Completion over the true samples that some view saw; NaN where the split is unknown or empty."""
     completion_unseen: float = float("nan")
+    accuracy_seen: float = float("nan")
+    """Accuracy over the predicted samples whose nearest true sample some view saw."""
+    accuracy_unseen: float = float("nan")
 
 
 def sample_surface(mesh: Mesh, count: int = SAMPLES, seed: int = 0) -> SurfaceSamples:
@@ -83,7 +90,7 @@ def surface_scores(
         predicted: Samples of the prediction, None where there is none.
         truth: Samples of the true surface.
         thresholds: Distances at which F is taken, in the samples' units.
-        seen: Which true samples some view saw; splits completion.
+        seen: Which true samples some view saw; splits accuracy and completion.
     """
     if predicted is None or len(predicted) == 0:
         return SurfaceScores(
@@ -91,6 +98,8 @@ def surface_scores(
             completion=float("inf"),
             chamfer=float("inf"),
             f_score=dict.fromkeys(thresholds, 0.0),
+            precision=dict.fromkeys(thresholds, 0.0),
+            recall=dict.fromkeys(thresholds, 0.0),
             normal_consistency=0.0,
         )
     to_truth, at_truth = cKDTree(truth.points).query(predicted.points)
@@ -102,9 +111,13 @@ def surface_scores(
         completion=float(to_predicted.mean()),
         chamfer=float(to_truth.mean() + to_predicted.mean()) / 2,
         f_score={t: _f_score(to_truth < t, to_predicted < t) for t in thresholds},
+        precision={t: float((to_truth < t).mean()) for t in thresholds},
+        recall={t: float((to_predicted < t).mean()) for t in thresholds},
         normal_consistency=float(forth + back) / 2,
         completion_seen=_mean(to_predicted, seen),
         completion_unseen=_mean(to_predicted, None if seen is None else ~seen),
+        accuracy_seen=_mean(to_truth, None if seen is None else seen[at_truth]),
+        accuracy_unseen=_mean(to_truth, None if seen is None else ~seen[at_truth]),
     )
 
 

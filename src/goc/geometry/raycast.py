@@ -1,4 +1,4 @@
-"""Rays against triangles: what a camera sees of a mesh, and what stands in the light."""
+"""Rays against triangles: what a camera sees of a mesh, what stands in the light, what is inside, near or crossed."""
 
 from dataclasses import dataclass, field
 
@@ -6,6 +6,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Float32, Float64, Int32
 
 from goc._native import TriangleBvh
+
+_ASKEW = np.array([0.2672612419, 0.5345224838, 0.8017837257])
+"""A direction that no lattice has: no ray runs along the faces or edges of something modelled on one."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,6 +89,49 @@ class TriangleScene:
         blocked = np.zeros(len(origins), bool)
         self._bvh.occluded(origins, directions, limits, blocked)
         return blocked
+
+    def winding(self, points: Float[np.ndarray, "n 3"]) -> Int32[np.ndarray, "n"]:
+        """How often the surface winds round each point: 1 inside an ordinary solid, 0 outside, -1 inside a room.
+
+        Means something only for a surface without a border (`goc.geometry.topology.is_closed`); points on the surface
+        itself may fall to either side.
+        """
+        points = _finite_points(points)
+        numbers = np.zeros(len(points), np.int32)
+        self._bvh.winding(points, _ASKEW, numbers)
+        return numbers
+
+    def nearest(
+        self, points: Float[np.ndarray, "n 3"], limit: Float[np.ndarray, "n"] | float = np.inf
+    ) -> tuple[Float64[np.ndarray, "n"], Int32[np.ndarray, "n"]]:
+        """Distance from each point to the surface, and the triangle it is nearest to.
+
+        Beyond `limit` they are infinite and -1; a small limit makes the search quick.
+        """
+        points = _finite_points(points)
+        limits = np.ascontiguousarray(np.broadcast_to(np.asarray(limit, np.float64), (len(points),)))
+        if not (limits >= 0).all():
+            raise ValueError("nearest: a limit is negative or NaN.")
+        distances, triangles = np.zeros(len(points)), np.zeros(len(points), np.int32)
+        self._bvh.nearest(points, limits, distances, triangles)
+        return distances, triangles
+
+    def crossings(self) -> Int32[np.ndarray, "t"]:
+        """How many other triangles each triangle cuts; the sum is twice the number of intersecting pairs.
+
+        Two triangles cut each other where they share a segment of positive length and are not coplanar (Möller 1997).
+        Touching, in a common edge, a corner or otherwise, is not cutting.
+        """
+        counts = np.zeros(len(self.faces), np.int32)
+        self._bvh.crossings(counts)
+        return counts
+
+
+def _finite_points(points: Float[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+    points = np.ascontiguousarray(points, np.float64)
+    if not np.isfinite(points).all():
+        raise ValueError("Distances and sides need finite points.")
+    return points
 
 
 def _rays(
