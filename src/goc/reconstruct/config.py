@@ -3,6 +3,8 @@
 from dataclasses import dataclass, field
 from typing import Literal
 
+from goc.errors import ConfigError
+
 
 @dataclass(frozen=True)
 class LossWeights:
@@ -14,6 +16,10 @@ class LossWeights:
     """L_d, Eq. (3): rendered against given depth, per metre. The paper has 0.3 (preset paper)."""
     depth_normal: float = 0.1
     """L_dn, Eq. (4): normals of the rendered depth against those of the given depth."""
+    photometric: float = 0.0
+    """L_pho, Eq. (5): a neighbour's photograph, fetched by the rendered depth, against the view's (paper: 0.3)."""
+    geometric: float = 0.0
+    """L_geo: pixels carried to a neighbour's surface and back, against where they started (paper: 0.3)."""
     identity: float = 0.1
     """L_o: cross-entropy of learned instance features; only with labels = learned."""
 
@@ -66,6 +72,39 @@ class Mcmc:
 
 
 @dataclass(frozen=True)
+class Multiview:
+    """Which views L_pho and L_geo compare, and when."""
+
+    start: float = 0.2
+    """First comparison, as a share of all steps: depths have to mean something."""
+    neighbours: int = 4
+    """Most neighbours of a view; each step draws one of them."""
+    max_angle_deg: float = 35.0
+    """Largest angle between the viewing directions of neighbours."""
+    min_baseline: float = 0.05
+    """Least distance between the cameras of neighbours, metres."""
+    max_baseline: float = 1.5
+    """Largest distance between the cameras of neighbours, metres."""
+    tolerance: float = 0.05
+    """Depths within this share of each other show one surface: what lies further behind is hidden."""
+    neighbour_depth: Literal["cached", "rendered"] = "cached"
+    """cached: the neighbour's depth as it was when that view was drawn last. rendered: draw it again, and let L_geo
+    move both, at the price of a second view a step."""
+
+    def __post_init__(self) -> None:
+        if self.neighbours < 1:
+            raise ConfigError(
+                f"--reconstruct.multiview.neighbours is {self.neighbours}: needs 1 or more. The weights "
+                "--reconstruct.losses.photometric and geometric switch the comparison off."
+            )
+        if not 0 <= self.min_baseline < self.max_baseline:
+            raise ConfigError(
+                f"--reconstruct.multiview.min-baseline is {self.min_baseline} and max-baseline {self.max_baseline}: "
+                "needs 0 or more, and less than the largest."
+            )
+
+
+@dataclass(frozen=True)
 class SeedConfig:
     """Where the first splats come from."""
 
@@ -102,5 +141,7 @@ class ReconstructConfig:
     """Weights of the losses."""
     rates: LearningRates = field(default_factory=LearningRates)
     """Step sizes."""
+    multiview: Multiview = field(default_factory=Multiview)
+    """Comparison of neighbouring views."""
     mcmc: Mcmc = field(default_factory=Mcmc)
     """Relocation, growth and noise."""

@@ -16,6 +16,7 @@ from goc.raster import render, visible_splats
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
 from goc.reconstruct.optimise import optimise
+from goc.reconstruct.pairs import Pairs, view_pairs
 from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.state import State, initial_state
@@ -79,6 +80,7 @@ def _reconstruct(
         names=names,
         extent=_extent(capture),
         budget=splat_budget(capture, config),
+        pairs=_pairs(capture, train, config, notify),
         prior=prior,
         config=config,
     )
@@ -96,6 +98,15 @@ def _reconstruct(
         metrics |= _measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)
     labels = _labels(state, gaussians, task, notify)
     return Reconstruction(gaussians=gaussians, labels=labels, metrics=metrics)
+
+
+def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify: Listener) -> Pairs | None:
+    pairs = view_pairs(capture, train, config)
+    if pairs is not None and not any(pairs.neighbours.values()):
+        message = f"none of {len(train)} views has a neighbour to be compared with: raise --reconstruct.multiview.max-*"
+        notify(Warned(stage="reconstruct", message=message))
+        return None
+    return pairs
 
 
 def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:

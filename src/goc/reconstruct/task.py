@@ -9,6 +9,7 @@ import torch
 
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.losses import GeometryPrior
+from goc.reconstruct.pairs import Pairs
 from goc.scene.capture import Capture
 
 
@@ -25,6 +26,8 @@ class Task:
     """Radius of the cameras' positions, scene units: the scale of the means' step."""
     budget: int
     """Most splats there may be."""
+    pairs: Pairs | None
+    """Views to compare with each other, where a loss asks for them."""
     prior: Callable[[int], GeometryPrior | None]
     """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig

@@ -7,20 +7,13 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc.geometry.harmonics import colours_towards
-from goc.geometry.rays import pixel_rays
-from goc.raster import centre_depths, plane_channels, rasterize
+from goc.raster import rasterize
+from goc.reconstruct.depth import geometry_channels, rendered_depth
 from goc.reconstruct.labels import classify
-from goc.reconstruct.losses import (
-    RenderedDepth,
-    expected_depth,
-    geometry_loss,
-    identity_loss,
-    photometric_loss,
-    planes_depth,
-)
+from goc.reconstruct.losses import geometry_loss, identity_loss, photometric_loss
+from goc.reconstruct.pair_loss import pair_loss
 from goc.reconstruct.state import State
 from goc.reconstruct.task import Task, generator_of
-from goc.scene.camera import Camera
 from goc.scene.capture import Frame
 
 _IDENTITY_PIXELS = 16_384
@@ -31,10 +24,9 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     """Eq. (6) of one view, and its PSNR in dB."""
     frame = task.capture[view]
     weights, camera, gaussians = task.config.losses, frame.camera, state.gaussians()
-    planes = task.config.depth == "plane"
     channels = [
         colours_towards(gaussians.sh, gaussians.means, camera.position),
-        plane_channels(gaussians, camera) if planes else centre_depths(gaussians, camera)[:, None],
+        geometry_channels(gaussians, camera, task.config.depth),
     ]
     if gaussians.identity is not None:
         channels.append(gaussians.identity)
@@ -42,21 +34,16 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     image, geometry, *features = blended.split([part.shape[1] for part in channels], -1)
     target = frame.image.float() / 255.0
     loss = photometric_loss(image, target, weights.ssim)
+    depth = rendered_depth(geometry, alpha, camera)
     prior = task.prior(view)
     if prior is not None and (weights.depth or weights.depth_normal):
-        depth = _rendered_depth(geometry, alpha, camera)
         loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
+    if task.pairs is not None:
+        loss = loss + pair_loss(task, task.pairs, state, view, depth)
     if gaussians.identity is not None and frame.ids is not None and weights.identity:
         loss = loss + weights.identity * _identity_loss(task, state, features[0], frame)
     error = (image.detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
     return loss, -10.0 * math.log10(error.item())
-
-
-def _rendered_depth(geometry: Float[Tensor, "h w g"], alpha: Float[Tensor, "h w"], camera: Camera) -> RenderedDepth:
-    """Depth of four blended plane channels, or of one blended centre depth."""
-    if geometry.shape[-1] == 1:
-        return expected_depth(geometry[..., 0], alpha)
-    return planes_depth(geometry, alpha, pixel_rays(camera))
 
 
 def _identity_loss(task: Task, state: State, features: Float[Tensor, "h w f"], frame: Frame) -> Float[Tensor, ""]:

@@ -1,0 +1,55 @@
+"""A view against one of its neighbours, and what is remembered of views between steps."""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from goc.reconstruct.depth import draw_depth
+from goc.reconstruct.losses import RenderedDepth
+from goc.reconstruct.multiview import Neighbour, PairWeights, inverse_depth, multiview_loss
+from goc.reconstruct.pairs import Pairs
+from goc.reconstruct.state import State
+from goc.reconstruct.task import Task, generator_of
+
+
+def pair_loss(task: Task, pairs: Pairs, state: State, view: int, depth: RenderedDepth) -> Float[Tensor, ""]:
+    """λ_pho·L_pho + λ_geo·L_geo of a view against one of its neighbours, which the step decides; 0 before the start.
+
+    With `cached` depths the view's own is remembered in `state.views` for those it is a neighbour of. They start an
+    epoch early, so that every neighbour has one when the comparison does; a view without one is left out.
+    """
+    config = task.config.multiview
+    cached = config.neighbour_depth == "cached"
+    start = round(config.start * task.config.iterations)
+    others = pairs.neighbours[view]
+    if cached:
+        others = tuple(other for other in others if _key(other) in state.views)
+        if state.step >= start - len(task.views):
+            _remember(task, pairs, state, view, depth)
+    if state.step < start or not others:
+        return torch.zeros(())
+    pick = int(torch.randint(0, len(others), (), generator=generator_of(task.config, 3, state.step)))
+    losses = task.config.losses
+    weights = PairWeights(photometric=losses.photometric, geometric=losses.geometric, tolerance=config.tolerance)
+    return multiview_loss(depth, task.capture[view], _neighbour(task, pairs, state, others[pick]), weights)
+
+
+def _neighbour(task: Task, pairs: Pairs, state: State, view: int) -> Neighbour:
+    frame = task.capture[view]
+    if task.config.multiview.neighbour_depth == "rendered":
+        inverse, stride = inverse_depth(draw_depth(state.gaussians(), frame.camera, task.config.depth)), 1
+    else:
+        inverse, stride = state.views[_key(view)].float() / task.capture.unit, pairs.stride
+    return Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse, stride=stride)
+
+
+@torch.no_grad()
+def _remember(task: Task, pairs: Pairs, state: State, view: int, depth: RenderedDepth) -> None:
+    """Keep 1/z per metre in half precision: 0.05 % of the depth, and linear between pixels on planes."""
+    middle = pairs.stride // 2
+    inverse = inverse_depth(depth)[middle :: pairs.stride, middle :: pairs.stride]
+    state.views[_key(view)] = (inverse * task.capture.unit).half()
+
+
+def _key(view: int) -> str:
+    return f"inverse_depth/{view}"
