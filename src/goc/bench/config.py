@@ -15,7 +15,7 @@ class BenchConfig:
     """What is measured on what."""
 
     suites: tuple[Suite, ...] = SUITES
-    """rooms: Tables 1 and 2. sensors: noisy, monocular and no depth. labels: clean and spoiled masks, voted and learned.
+    """rooms: Tables 1 and 2. sensors: noisy, monocular and no depth. labels: clean and spoiled masks, voted, learned.
     ablations: Table 4, a loss left out at a time. paper: the paper's 30,000 steps; hours on two cores."""
     data: Path | None = None
     """Folder of rooms with ground truth (a folder each: transforms.json, transforms_sparse.json, gt/)."""

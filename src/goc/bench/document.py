@@ -48,7 +48,8 @@ def document(tables: list[Table], results: dict[str, Result], machine: Machine, 
         _INTRODUCTION,
         f"`{command}`\n",
         f"{machine.cpu}, {machine.cores} cores ({machine.simd}), {machine.memory_gb:g} GB, no GPU used; "
-        f"{machine.system}, Python {machine.python}, PyTorch {machine.torch}; at {', '.join(commits) or 'no commit'}.\n",
+        f"{machine.system}, Python {machine.python}, PyTorch {machine.torch}; "
+        f"at {', '.join(commits) or 'no commit'}.\n",
     ]
     for table in tables:
         lines += [_table(table, results), ""]

@@ -31,9 +31,13 @@ TABLES: dict[str, tuple[Quoted, ...]] = {
             values=_objects(0.0232, 0.0511, 0.0371, 0.8741) | _scene(0.0240, 0.9164),
             time="21 h 26 min",
         ),
-        Quoted(label="RICO", values=_objects(0.0203, 0.0629, 0.0416, 0.8429) | _scene(0.0330, 0.8642), time="17 h 59 min"),
         Quoted(
-            label="GOC without OSC", values=_objects(0.0045, 0.0543, 0.0294, 0.9124) | _scene(0.0211, 0.9570), time="1 h 07 min"
+            label="RICO", values=_objects(0.0203, 0.0629, 0.0416, 0.8429) | _scene(0.0330, 0.8642), time="17 h 59 min"
+        ),
+        Quoted(
+            label="GOC without OSC",
+            values=_objects(0.0045, 0.0543, 0.0294, 0.9124) | _scene(0.0211, 0.9570),
+            time="1 h 07 min",
         ),
         Quoted(label="GOC with ShapeFormer", values=_objects(0.0239, 0.0689, 0.0464, 0.7875), time="1 h 11 min"),
         Quoted(label="GOC", values=_objects(0.0062, 0.0501, 0.0282, 0.9228), time="1 h 09 min"),

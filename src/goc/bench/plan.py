@@ -150,7 +150,9 @@ def _labels(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> l
         _row(f"voted, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, common, input="masks"),
         _row(f"learned, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, learned, input="masks"),
     ]
-    note = "Share of an object's surface that carries the right id, and how much of its true surface was found under it."
+    note = (
+        "Share of an object's surface that carries the right id, and how much of its true surface was found under it."
+    )
     return [Table(title="Labels", note=note, kind="labels", rows=tuple(rows))]
 
 

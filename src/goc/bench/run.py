@@ -87,7 +87,9 @@ def _carve(words: list[str], own: Path) -> None:
         )
     if done.returncode:
         last = (own / _LOG).read_text(encoding="utf-8").strip().splitlines()[-1:]
-        raise BenchError(f"{own.name}: goc carve ended with {done.returncode}: {' '.join(last)} (all of it: {own / _LOG})")
+        raise BenchError(
+            f"{own.name}: goc carve ended with {done.returncode}: {' '.join(last)} (all of it: {own / _LOG})"
+        )
 
 
 def _fuse(source: Path, out: Path) -> None:
