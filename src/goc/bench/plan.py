@@ -29,7 +29,7 @@ class Run:
     views: Views
     input: Input = "exact"
     method: Literal["carve", "fuse"] = "carve"
-    """carve: `goc carve`. fuse: the given depth and ids fused and meshed, without splats: what perfect rendering gives."""
+    """carve: `goc carve`. fuse: given depth and ids fused and meshed, without splats: what perfect rendering gives."""
     words: tuple[str, ...] = ()
     """Of the command line, after the folders."""
 
@@ -150,9 +150,7 @@ def _labels(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> l
         _row(f"voted, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, common, input="masks"),
         _row(f"learned, 10 % spoiled ({', '.join(some)})", some, config.ablation_views, learned, input="masks"),
     ]
-    note = (
-        "Share of an object's surface that carries the right id, and how much of its true surface was found under it."
-    )
+    note = "Share of an object's surface with the right id, and share of its true surface found under that id."
     return [Table(title="Labels", note=note, kind="labels", rows=tuple(rows))]
 
 
