@@ -1,0 +1,185 @@
+"""Comparing neighbouring views while optimising: who with whom, from when, and what is remembered."""
+
+from dataclasses import fields, replace
+
+import pytest
+import torch
+
+import captures
+from goc.capture import CaptureConfig, load_capture
+from goc.errors import ConfigError
+from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, reconstruct
+from goc.reconstruct.optimise import optimise
+from goc.reconstruct.pairs import memory_stride, view_pairs
+from goc.reconstruct.seed import seed
+from goc.reconstruct.state import State, initial_state
+from goc.reconstruct.task import Task
+from goc.scene import Capture, Gaussians
+
+WIDE = Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.4)
+BOTH = LossWeights(photometric=0.3, geometric=0.3)
+QUICK = ReconstructConfig(
+    iterations=30, checkpoint_every=20, mcmc=Mcmc(max_splats=1000, every=10), losses=BOTH, multiview=WIDE
+)
+RENDERED = replace(QUICK, multiview=replace(WIDE, neighbour_depth="rendered"))
+
+
+class Stopped(Exception):
+    """Stands for a killed process."""
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Capture:
+    return load_capture(captures.write_nerfstudio(tmp_path_factory.mktemp("room"), views=8), CaptureConfig())
+
+
+def same(a: Gaussians, b: Gaussians) -> bool:
+    pairs = [(getattr(a, item.name), getattr(b, item.name)) for item in fields(Gaussians)]
+    return all((x is None and y is None) or torch.equal(x, y) for x, y in pairs)
+
+
+def optimised(capture: Capture, config: ReconstructConfig) -> State:
+    """The state after all steps, without priors of depth."""
+    views = list(range(len(capture)))
+    task = Task(
+        capture=capture,
+        views=views,
+        names=[],
+        extent=1.0,
+        budget=1000,
+        pairs=view_pairs(capture, views, config),
+        prior=lambda view: None,
+        config=config,
+    )
+    return optimise(task, lambda: initial_state(seed(capture, views, config), {}), lambda event: None, None, False)
+
+
+@pytest.mark.parametrize("config", [QUICK, RENDERED], ids=["cached", "rendered"])
+def test_a_stopped_run_resumes_bit_equal(capture, tmp_path, config):
+    whole = reconstruct(capture, config)
+
+    def stop(event):
+        if event.stage == "reconstruct" and event.done == 23:
+            raise Stopped
+
+    checkpoint = tmp_path / "checkpoint.safetensors"
+    with pytest.raises(Stopped):
+        reconstruct(capture, config, stop, checkpoint)
+    assert same(whole.gaussians, reconstruct(capture, config, checkpoint=checkpoint, resume=True).gaussians)
+
+
+def test_every_loss_is_switched_off_by_its_weight(capture):
+    found = {
+        name: reconstruct(capture, replace(QUICK, checkpoint_every=0, losses=LossWeights(**weights))).gaussians
+        for name, weights in {
+            "none": {"photometric": 0.0, "geometric": 0.0},
+            "photometric": {"photometric": 0.3, "geometric": 0.0},
+            "geometric": {"photometric": 0.0, "geometric": 0.3},
+        }.items()
+    }
+    assert not same(found["none"], found["photometric"])
+    assert not same(found["none"], found["geometric"])
+    assert not same(found["photometric"], found["geometric"])
+
+
+def test_nothing_is_done_before_the_start(capture):
+    late = replace(QUICK, multiview=replace(WIDE, start=1.0))
+    off = replace(late, losses=LossWeights(photometric=0.0, geometric=0.0))
+    a, b = optimised(capture, late), optimised(capture, off)
+    assert same(a.gaussians(), b.gaussians())
+    assert b.views == {}
+
+
+def test_depths_are_remembered_an_epoch_before_the_start(capture):
+    state = optimised(capture, replace(QUICK, iterations=12, multiview=replace(WIDE, start=1.0)))
+    # steps 4 to 11 are one epoch and its neighbours: views that were drawn then, some of them twice
+    assert 4 <= len(state.views) <= 8
+    assert all(depth.dtype == torch.float16 and depth.shape == (48, 64) for depth in state.views.values())
+    drawn = next(iter(state.views.values())).float()
+    assert 0.2 < drawn[drawn > 0].median().item() < 2.0  # one over metres
+    rendered = optimised(capture, replace(RENDERED, iterations=12))
+    assert rendered.views == {}
+
+
+def test_the_geometric_loss_makes_views_agree(capture):
+    """Without any prior of depth: splats start from a few corners, and neighbours disagree."""
+    blind = replace(capture, has_depth=False)
+    plain = replace(QUICK, iterations=100, losses=LossWeights(photometric=0.0, geometric=0.0))
+    strict = replace(plain, losses=LossWeights(photometric=0.0, geometric=1.0))
+    disagreement = {}
+    for name, config in {"plain": plain, "strict": strict}.items():
+        state = optimised(blind, config)
+        judged = replace(config, iterations=101, losses=LossWeights(geometric=1.0))
+        disagreement[name] = geometric_error(blind, state, judged)
+    assert disagreement["strict"] < 0.9 * disagreement["plain"]
+
+
+def geometric_error(capture: Capture, state: State, config: ReconstructConfig) -> float:
+    """Mean L_geo over all pairs, both depths as they are now."""
+    from goc.reconstruct.depth import draw_depth
+    from goc.reconstruct.multiview import Neighbour, PairWeights, inverse_depth, multiview_loss
+
+    pairs = view_pairs(capture, list(range(len(capture))), config)
+    assert pairs is not None
+    depths = [draw_depth(state.gaussians().detached(), camera, "plane") for camera in capture.cameras]
+    weights = PairWeights(photometric=0.0, geometric=1.0, tolerance=0.05)
+    found = []
+    for view, others in pairs.neighbours.items():
+        for other in others:
+            frame = capture[other]
+            there = Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse_depth(depths[other]))
+            found.append(multiview_loss(depths[view], capture[view], there, weights).item())
+    return sum(found) / len(found)
+
+
+def test_held_out_views_are_nobodys_neighbour(capture):
+    pairs = view_pairs(capture, [0, 1, 3, 4, 6, 7], QUICK)
+    assert pairs is not None
+    assert set(pairs.neighbours) == {0, 1, 3, 4, 6, 7}
+    assert {other for others in pairs.neighbours.values() for other in others} <= {0, 1, 3, 4, 6, 7}
+    assert any(pairs.neighbours.values())
+    assert view_pairs(capture, [0, 1], replace(QUICK, losses=LossWeights(photometric=0.0, geometric=0.0))) is None
+
+
+def test_thresholds_are_metres(capture):
+    """The same room in a unit of centimetres has the same pairs."""
+
+    def scaled(camera):
+        pose = camera.world_from_cam.clone()
+        pose[:3, 3] *= 100
+        return replace(camera, world_from_cam=pose)
+
+    large = replace(capture, cameras=tuple(map(scaled, capture.cameras)), unit=100.0)
+    views = list(range(8))
+    assert view_pairs(large, views, QUICK) == view_pairs(capture, views, QUICK)
+
+
+def test_memory_of_depths_is_bounded(capture):
+    cameras = [camera.resized(300, 200) for camera in capture.cameras]
+    full = 2 * 300 * 200 * len(cameras)
+    assert [memory_stride(cameras, budget) for budget in (full, full - 1, full // 9 + 1, full // 9)] == [1, 3, 3, 5]
+    coarse = replace(QUICK, iterations=20)
+    pairs = view_pairs(capture, list(range(8)), coarse)
+    assert pairs is not None and pairs.stride == 1
+
+
+def test_views_that_are_alone_are_told(capture):
+    heard = []
+    lonely = replace(QUICK, iterations=3, checkpoint_every=0, multiview=Multiview(max_baseline=0.051))
+    found = reconstruct(capture, lonely, heard.append)
+    assert any("none of 8 views has a neighbour" in getattr(event, "message", "") for event in heard)
+    off = replace(lonely, losses=LossWeights(photometric=0.0, geometric=0.0))
+    assert same(found.gaussians, reconstruct(capture, off).gaussians)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "text"),
+    [
+        ({"neighbours": 0}, r"--reconstruct\.multiview\.neighbours is 0: needs 1 or more"),
+        ({"min_baseline": 2.0}, r"min-baseline is 2\.0 and max-baseline 1\.5: needs 0 or more"),
+        ({"min_baseline": -0.1}, r"min-baseline is -0\.1"),
+    ],
+)
+def test_settings_that_make_no_pair_are_refused(wrong, text):
+    with pytest.raises(ConfigError, match=text):
+        Multiview(**wrong)
