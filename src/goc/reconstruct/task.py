@@ -1,14 +1,13 @@
 """What an optimisation works on, and its randomness."""
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import msgspec
 import torch
 
 from goc.reconstruct.config import ReconstructConfig
-from goc.reconstruct.losses import GeometryPrior
+from goc.reconstruct.priors import ViewPrior
 from goc.scene.capture import Capture
 
 
@@ -25,7 +24,7 @@ class Task:
     """Radius of the cameras' positions, scene units: the scale of the means' step."""
     budget: int
     """Most splats there may be."""
-    prior: Callable[[int], GeometryPrior | None]
+    prior: ViewPrior
     """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig
 

@@ -42,10 +42,11 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     image, geometry, *features = blended.split([part.shape[1] for part in channels], -1)
     target = frame.image.float() / 255.0
     loss = photometric_loss(image, target, weights.ssim)
-    prior = task.prior(view)
-    if prior is not None and (weights.depth or weights.depth_normal):
+    if weights.depth or weights.depth_normal:
         depth = _rendered_depth(geometry, alpha, camera)
-        loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
+        prior = task.prior(view, state.views, depth, state.step // len(task.views))
+        if prior is not None:
+            loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
     if gaussians.identity is not None and frame.ids is not None and weights.identity:
         loss = loss + weights.identity * _identity_loss(task, state, features[0], frame)
     error = (image.detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
