@@ -1,6 +1,14 @@
 """Stage 2, Capture → Reconstruction: seed, losses, MCMC moves, optimisation, labels (paper §4)."""
 
-from goc.reconstruct.config import LearningRates, LossWeights, Mcmc, Multiview, ReconstructConfig, SeedConfig
+from goc.reconstruct.config import (
+    LearningRates,
+    LossWeights,
+    Mcmc,
+    Monocular,
+    Multiview,
+    ReconstructConfig,
+    SeedConfig,
+)
 from goc.reconstruct.labels import vote_labels
 from goc.reconstruct.reconstruct import reconstruct, split_views
 
@@ -8,6 +16,7 @@ __all__ = [
     "LearningRates",
     "LossWeights",
     "Mcmc",
+    "Monocular",
     "Multiview",
     "ReconstructConfig",
     "SeedConfig",

@@ -117,6 +117,16 @@ class SeedConfig:
 
 
 @dataclass(frozen=True)
+class Monocular:
+    """How depth of unknown scale and offset is aligned (captures of depth kind affine or inverse)."""
+
+    refresh_every: int = 1
+    """Epochs between fits of a view's scale and offset to the depth of the splats; 0 keeps those of the start."""
+    smoothing: float = 0.5
+    """Share of the old scale and offset that a new fit leaves."""
+
+
+@dataclass(frozen=True)
 class ReconstructConfig:
     """How splats are optimised (paper §4)."""
 
@@ -137,6 +147,8 @@ class ReconstructConfig:
     """Random seed: the same seed gives the same bits on a CPU, for any number of threads."""
     seeding: SeedConfig = field(default_factory=SeedConfig)
     """First splats."""
+    monocular: Monocular = field(default_factory=Monocular)
+    """Aligning monocular depth."""
     losses: LossWeights = field(default_factory=LossWeights)
     """Weights of the losses."""
     rates: LearningRates = field(default_factory=LearningRates)

@@ -4,41 +4,64 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 import torch
+from jaxtyping import Float
 from torch import Tensor
 
 from goc.geometry.normals import fitted_normals, fitting_radius
-from goc.reconstruct.losses import GeometryPrior
+from goc.reconstruct.config import Monocular
+from goc.reconstruct.losses import GeometryPrior, RenderedDepth
+from goc.reconstruct.monocular import ALIGNMENT, SHAPE, aligned_frame, refresh, shape_of
+from goc.scene.camera import Camera
 from goc.scene.capture import Capture
 
 _CACHE_BYTES = 256 * 2**20
 
+ViewPrior = Callable[[int, dict[str, Tensor], RenderedDepth, int], GeometryPrior | None]
+"""Of a view, what is remembered of views (an alignment may be refreshed in place), its rendered depth, the epoch."""
 
-def geometry_priors(capture: Capture, with_normals: bool) -> Callable[[int], GeometryPrior | None]:
-    """Depth and normals of each view, on demand.
+
+def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) -> ViewPrior:
+    """Depth and normals of each view, on demand; None where a view has neither.
 
     Normals come from the capture where it has them, else from planes fitted to the depth, in windows that grow with
-    the depth's noise. They are kept as signed bytes (0.4° steps) in a bounded cache: fitting takes longer than a step.
+    the depth's noise. Monocular depth is aligned first.
     """
-    cache: OrderedDict[int, Tensor] = OrderedDict()
+    normals_of = _FittedNormals()
+    kind = capture.depth_kind
 
-    def fitted(view: int) -> Tensor:
-        if view in cache:
-            cache.move_to_end(view)
-        else:
-            frame = capture[view]
-            assert frame.depth is not None
-            normals = fitted_normals(frame.depth, frame.camera, fitting_radius(frame.depth, frame.camera))
-            cache[view] = torch.nan_to_num(normals * 127.0).round().to(torch.int8)
-            while len(cache) > 1 and sum(kept.numel() for kept in cache.values()) > _CACHE_BYTES:
-                cache.popitem(last=False)
-        packed = cache[view].float()
-        return packed / torch.where((packed == 0).all(-1, keepdim=True), torch.nan, packed.norm(dim=-1, keepdim=True))
-
-    def prior(view: int) -> GeometryPrior | None:
-        frame = capture[view]
+    def prior(view: int, views: dict[str, Tensor], shown: RenderedDepth, epoch: int) -> GeometryPrior | None:
+        given = frame = capture[view]
+        shape = 0.0
+        if kind != "metric":
+            row = views[ALIGNMENT][view]
+            refresh(row, given, kind, shown, epoch, monocular)
+            frame, shape = aligned_frame(given, row, kind), row[SHAPE].item()
+        normals = frame.normals if with_normals else None
         if frame.depth is None:
-            return None
-        normals = frame.normals if frame.normals is not None or not with_normals else fitted(view)
-        return GeometryPrior(depth=frame.depth, normals=normals if with_normals else None)
+            nothing = torch.full(frame.image.shape[:2], torch.nan)
+            return None if normals is None else GeometryPrior(depth=nothing, normals=normals)
+        if with_normals and normals is None:
+            depth = frame.depth if kind == "metric" else shape_of(given, row, kind)
+            normals = normals_of(view, shape, depth, frame.camera)
+        return GeometryPrior(depth=frame.depth, normals=normals)
 
     return prior
+
+
+class _FittedNormals:
+    """Keeps normals as signed bytes (0.4° steps) within bounds: fitting takes longer than half a step."""
+
+    def __init__(self) -> None:
+        self._kept: OrderedDict[int, tuple[float, Tensor]] = OrderedDict()
+
+    def __call__(self, view: int, shape: float, depth: Float[Tensor, "h w"], camera: Camera) -> Float[Tensor, "h w 3"]:
+        """Normals of a view's depth; `shape` tells depths of one view apart."""
+        if view in self._kept and self._kept[view][0] == shape:
+            self._kept.move_to_end(view)
+        else:
+            normals = fitted_normals(depth, camera, fitting_radius(depth, camera))
+            self._kept[view] = shape, torch.nan_to_num(normals * 127.0).round().to(torch.int8)
+            while len(self._kept) > 1 and sum(kept.numel() for _, kept in self._kept.values()) > _CACHE_BYTES:
+                self._kept.popitem(last=False)
+        packed = self._kept[view][1].float()
+        return packed / torch.where((packed == 0).all(-1, keepdim=True), torch.nan, packed.norm(dim=-1, keepdim=True))

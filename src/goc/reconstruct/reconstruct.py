@@ -2,7 +2,7 @@
 
 import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -15,6 +15,7 @@ from goc.events import Listener, Progress, Warned, ignore
 from goc.raster import render, visible_splats
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
+from goc.reconstruct.monocular import ALIGNMENT, KnownDepths, aligned_capture, start_alignment
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
 from goc.reconstruct.priors import geometry_priors
@@ -34,6 +35,7 @@ def reconstruct(
     notify: Listener = ignore,
     checkpoint: Path | None = None,
     resume: bool = False,
+    known_depths: Callable[[], KnownDepths] = dict,
 ) -> Reconstruction:
     """Optimise labelled Gaussians that show what the capture shows (paper §4).
 
@@ -48,7 +50,7 @@ def reconstruct(
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
     """
     with _one_torch_thread():
-        return _reconstruct(capture, config, notify, checkpoint, resume)
+        return _reconstruct(capture, config, notify, checkpoint, resume, known_depths)
 
 
 @contextmanager
@@ -63,7 +65,12 @@ def _one_torch_thread() -> Iterator[None]:
 
 
 def _reconstruct(
-    capture: Capture, config: ReconstructConfig, notify: Listener, checkpoint: Path | None, resume: bool
+    capture: Capture,
+    config: ReconstructConfig,
+    notify: Listener,
+    checkpoint: Path | None,
+    resume: bool,
+    known_depths: Callable[[], KnownDepths],
 ) -> Reconstruction:
     started = time.perf_counter()
     train, held_out = split_views(len(capture), config.holdout_every)
@@ -73,7 +80,6 @@ def _reconstruct(
     if config.labels == "learned" and not capture.has_ids:
         notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
     names = capture_ids(capture, train) if learned else []
-    prior = geometry_priors(capture, with_normals=config.losses.depth_normal > 0)
     task = Task(
         capture=capture,
         views=train,
@@ -81,13 +87,16 @@ def _reconstruct(
         extent=_extent(capture),
         budget=splat_budget(capture, config),
         pairs=_pairs(capture, train, config, notify),
-        prior=prior,
+        prior=geometry_priors(capture, config.losses.depth_normal > 0, config.monocular),
         config=config,
     )
 
     def begin() -> State:
-        gaussians = seed(capture, train, config)
-        return _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
+        seen, remembered = _aligned(capture, train, known_depths, notify)
+        gaussians = seed(seen, train, config)
+        state = _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
+        state.views |= remembered
+        return state
 
     state = optimise(task, begin, notify, checkpoint, resume)
     gaussians = state.gaussians().detached()
@@ -107,6 +116,16 @@ def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify
         notify(Warned(stage="reconstruct", message=message))
         return None
     return pairs
+
+
+def _aligned(
+    capture: Capture, views: list[int], known: Callable[[], KnownDepths], notify: Listener
+) -> tuple[Capture, dict[str, Tensor]]:
+    """The capture with depth to seed from, and what is to be remembered of its views."""
+    if not capture.has_depth or capture.has_metric_depth:
+        return capture, {}
+    rows = start_alignment(capture, views, known(), notify)
+    return aligned_capture(capture, rows), {ALIGNMENT: rows}
 
 
 def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:

@@ -88,7 +88,7 @@ def _of_frame(frame: Frame, pixels: Tensor) -> _Points:
     """Back-project the given pixels (flat indices); those without depth or normal are dropped."""
     depth = frame.depth
     assert depth is not None
-    camera_normals = normals_from_depth(depth, frame.camera)
+    camera_normals = normals_from_depth(depth, frame.camera) if frame.normals is None else frame.normals
     normals = (camera_normals @ frame.camera.world_from_cam[:3, :3].T).reshape(-1, 3)[pixels]
     image = frame.image.float() / 255.0
     found = _Points(

@@ -1,15 +1,14 @@
 """What an optimisation works on, and its randomness."""
 
 import hashlib
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 
 import msgspec
 import torch
 
 from goc.reconstruct.config import ReconstructConfig
-from goc.reconstruct.losses import GeometryPrior
 from goc.reconstruct.pairs import Pairs
+from goc.reconstruct.priors import ViewPrior
 from goc.scene.capture import Capture
 
 
@@ -28,7 +27,7 @@ class Task:
     """Most splats there may be."""
     pairs: Pairs | None
     """Views to compare with each other, where a loss asks for them."""
-    prior: Callable[[int], GeometryPrior | None]
+    prior: ViewPrior
     """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig
 

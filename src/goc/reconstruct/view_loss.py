@@ -35,9 +35,10 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     target = frame.image.float() / 255.0
     loss = photometric_loss(image, target, weights.ssim)
     depth = rendered_depth(geometry, alpha, camera)
-    prior = task.prior(view)
-    if prior is not None and (weights.depth or weights.depth_normal):
-        loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
+    if weights.depth or weights.depth_normal:
+        prior = task.prior(view, state.views, depth, state.step // len(task.views))
+        if prior is not None:
+            loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
     if task.pairs is not None:
         loss = loss + pair_loss(task, task.pairs, state, view, depth)
     if gaussians.identity is not None and frame.ids is not None and weights.identity:

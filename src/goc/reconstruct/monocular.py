@@ -1,0 +1,157 @@
+"""Monocular depth made comparable: scale and offset of each view, found before the start and again as splats improve.
+
+What is known of a view is one row of `State.views["alignment"]`: k, b, the epoch in which they were last fitted, and
+the b / k that its fitted normals belong to (the shape of a surface depends on nothing else). NaN = not aligned.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+
+from goc.events import Listener, Progress, Warned
+from goc.reconstruct.alignment import align, aligned_depth
+from goc.reconstruct.config import Monocular
+from goc.reconstruct.losses import RenderedDepth
+from goc.scene.camera import Camera
+from goc.scene.capture import Capture, DepthKind, Frame, PointCloud
+
+ALIGNMENT = "alignment"
+SCALE, OFFSET, EPOCH, SHAPE = range(4)
+KnownDepths = Mapping[int, tuple[Camera, Float[Tensor, "_h _w"]]]
+"""Depth of views that is known before there are splats: z, scene units, NaN = none, and the camera of its raster."""
+
+_STEEPEST = math.tan(math.radians(80.0))
+"""Surfaces slanted more than this are taken for the ramp that a blurred edge makes of two."""
+_CELLS = 24
+"""Points compete for cells of this share of a view's width: what lies behind the nearest in its cell is hidden."""
+_BEHIND = 0.1
+_MIN_ALPHA = 0.5
+"""Pixels that show less splat than background say nothing of depth."""
+_SAME_SHAPE = 0.02
+"""Fitted normals are kept until the offset, in depths of the view, changed by this."""
+_SAMPLES = 2048
+
+
+def start_alignment(capture: Capture, views: list[int], known: KnownDepths, notify: Listener) -> Float[Tensor, "n 4"]:
+    """Align each view's depth with what is known of it: depths of other origin, and the capture's points.
+
+    Args:
+        capture: its depth is affine or inverse.
+        views: which are to be aligned.
+        known: depth from elsewhere, such as stereo; may be empty or lack views.
+        notify: hears Warned of the views that could not be aligned. They get no seeds, and no loss until a refresh.
+    """
+    rows = torch.full((len(capture), 4), torch.nan)
+    unaligned = []
+    for done, view in enumerate(views, 1):
+        frame = capture[view]
+        notify(Progress(stage="align", done=done, total=len(views)))
+        if frame.depth is None:
+            continue
+        samples = [_of_points(frame.camera, frame.depth, capture.points)] if capture.points is not None else []
+        if view in known:
+            samples.append(_of_raster(frame.depth, known[view][1]))
+        stored, depth = (torch.cat(parts) for parts in zip(*samples, strict=True)) if samples else (torch.zeros(0),) * 2
+        line = align(stored, depth, capture.depth_kind)
+        if line is None:
+            unaligned.append(capture.names[view])
+        else:
+            rows[view] = torch.stack([line[0], line[1], torch.tensor(0.0), line[1] / line[0]])
+    if unaligned:
+        counted = f"{len(unaligned)} of {len(views)} views (first: {unaligned[0]})"
+        notify(Warned(stage="reconstruct", message=f"the depth of {counted} agrees with nothing known"))
+    return rows
+
+
+def aligned_frame(frame: Frame, row: Float[Tensor, "4"], kind: DepthKind) -> Frame:
+    """The frame with depth in scene units, without the ramps of blurred edges; without depth where not aligned."""
+    if frame.depth is None or not torch.isfinite(row[SCALE]):
+        return replace(frame, depth=None)
+    depth = aligned_depth(frame.depth, row[:2], kind)
+    return replace(frame, depth=torch.where(_ramps(depth, frame.camera), torch.nan, depth))
+
+
+def aligned_capture(capture: Capture, rows: Float[Tensor, "n 4"]) -> Capture:
+    """The capture with its depth aligned: what a depth camera would have seen, as far as is known."""
+    kind = capture.depth_kind
+    some = bool(torch.isfinite(rows[:, SCALE]).any())
+    load = lambda index: aligned_frame(capture[index], rows[index], kind)  # noqa: E731
+    return replace(capture, load=load, has_depth=some, depth_kind="metric")
+
+
+def shape_of(frame: Frame, row: Float[Tensor, "4"], kind: DepthKind) -> Float[Tensor, "h w"]:
+    """Depth up to scale, as the row's fitted normals see it."""
+    assert frame.depth is not None
+    return aligned_depth(frame.depth, torch.stack([torch.tensor(1.0), row[SHAPE]]), kind)
+
+
+@torch.no_grad()
+def refresh(
+    row: Float[Tensor, "4"], frame: Frame, kind: DepthKind, shown: RenderedDepth, epoch: int, config: Monocular
+) -> None:
+    """Fit k, b again, in place, to the depth that the splats show, if it is time to.
+
+    Where the fit has no answer the old one stays; a view that has none waits for the next epoch.
+    """
+    if frame.depth is None or config.refresh_every <= 0:
+        return
+    fresh = not torch.isfinite(row[SCALE])
+    if not fresh and epoch < row[EPOCH] + config.refresh_every:
+        return
+    step = max(1, math.isqrt(frame.depth.numel() // _SAMPLES))
+    at = (slice(step // 2, None, step),) * 2
+    seen = (shown.alpha[at] > _MIN_ALPHA) & (shown.denominator[at] > 1e-6)
+    depth = torch.where(seen, shown.numerator[at] / shown.denominator[at], torch.nan)
+    line = align(frame.depth[at].reshape(-1), depth.reshape(-1), kind)
+    if line is None:
+        return
+    kept = 0.0 if fresh else config.smoothing
+    row[:2] = line if fresh else kept * row[:2] + (1.0 - kept) * line
+    row[EPOCH] = float(epoch)
+    shape = row[OFFSET] / row[SCALE]
+    size = frame.depth[at].nanmedian() + shape
+    if fresh or not abs(shape - row[SHAPE]) <= _SAME_SHAPE * size:
+        row[SHAPE] = shape
+
+
+def _of_raster(
+    stored: Float[Tensor, "h w"], depth: Float[Tensor, "r c"]
+) -> tuple[Float[Tensor, "p"], Float[Tensor, "p"]]:
+    """Stored depth at the middle of each pixel of another raster of the same view, with what is known there."""
+    rows = ((torch.arange(depth.shape[0]) + 0.5) * stored.shape[0] / depth.shape[0]).long()
+    columns = ((torch.arange(depth.shape[1]) + 0.5) * stored.shape[1] / depth.shape[1]).long()
+    return stored[rows][:, columns].reshape(-1), depth.reshape(-1)
+
+
+def _of_points(
+    camera: Camera, stored: Float[Tensor, "h w"], points: PointCloud
+) -> tuple[Float[Tensor, "p"], Float[Tensor, "p"]]:
+    """Stored and true depth of the points in view; of points that share a cell, only the near ones."""
+    view = camera.cam_from_world
+    centres = torch.from_numpy(points.positions) @ view[:3, :3].T + view[:3, 3]
+    z = centres[:, 2]
+    px = centres[:, :2] / z.clamp_min(1e-6)[:, None] * camera.focal_px + camera.centre_px
+    size = torch.tensor([camera.width, camera.height])
+    inside = (z > 1e-6) & (px >= 0).all(-1) & (px < size).all(-1)
+    z, px = z[inside], px[inside]
+    cell = (px * (_CELLS / camera.width)).long()
+    key = cell[:, 1] * _CELLS + cell[:, 0]
+    nearest = torch.full((int(key.max()) + 1 if len(key) else 0,), torch.inf).scatter_reduce(0, key, z, "amin")
+    near = z <= nearest[key] * (1.0 + _BEHIND)
+    x, y = px[near].long().unbind(-1)
+    return stored[y, x], z[near]
+
+
+def _ramps(depth: Float[Tensor, "h w"], camera: Camera) -> Bool[Tensor, "h w"]:
+    """Whether depth changes too fast round a pixel, seen through a 3 x 3 mean that takes out noise."""
+    pool = torch.nn.functional
+    known = torch.isfinite(depth)
+    filled = torch.where(known, depth, 0.0)[None, None]
+    share = pool.avg_pool2d(known[None, None].float(), 3, 1, 1)
+    smooth = pool.avg_pool2d(filled, 3, 1, 1) / share.clamp_min(1e-6)
+    highest, lowest = pool.max_pool2d(smooth, 3, 1, 1), -pool.max_pool2d(-smooth, 3, 1, 1)
+    return ((highest - lowest) > 2.0 * _STEEPEST / camera.focal_px[0] * smooth)[0, 0]

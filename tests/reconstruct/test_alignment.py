@@ -1,0 +1,111 @@
+"""k and b of monocular depth: exact where it is, near the truth where a third of what it is told is wrong."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from goc.reconstruct.alignment import align, aligned_depth
+from oracles.alignment import best_line
+
+
+def samples(count: int = 400, seed: int = 0) -> torch.Tensor:
+    return 0.5 + 3.0 * torch.rand(count, generator=torch.Generator().manual_seed(seed))
+
+
+@settings(max_examples=25, deadline=None)
+@given(k=st.floats(0.1, 10.0), b=st.floats(-0.04, 2.0), kind=st.sampled_from(["affine", "inverse"]))
+def test_exact_depth_gives_back_scale_and_offset(k, b, kind):
+    stored = samples()
+    depth = aligned_depth(stored[None], torch.tensor([k, b]), kind)[0]
+    torch.testing.assert_close(align(stored, depth, kind), torch.tensor([k, b]), rtol=1e-3, atol=1e-3)
+
+
+def test_inverse_is_the_law_of_its_reciprocal():
+    stored, line = samples(), torch.tensor([0.7, 0.2])
+    product = aligned_depth(stored[None], line, "inverse") * aligned_depth(stored[None], line, "affine")
+    torch.testing.assert_close(product, torch.ones_like(product))
+
+
+@pytest.mark.parametrize("kind", ["affine", "inverse"])
+@pytest.mark.parametrize(
+    "spoil",
+    [
+        lambda z, wild: z + 3.0,
+        lambda z, wild: 0.1 + 8.0 * wild,
+        lambda z, wild: torch.full_like(z, 0.4),
+        lambda z, wild: torch.full_like(z, torch.nan),
+    ],
+    ids=["behind", "anywhere", "one-depth", "missing"],
+)
+def test_thirty_percent_of_outliers_do_not_matter(kind, spoil):
+    stored = samples(3000)
+    depth = aligned_depth(stored[None], torch.tensor([0.6, 0.3]), kind)[0]
+    wild = torch.rand(3000, generator=torch.Generator().manual_seed(1))
+    bad = torch.rand(3000, generator=torch.Generator().manual_seed(2)) < 0.3
+    found = align(stored, torch.where(bad, spoil(depth, wild), depth), kind)
+    torch.testing.assert_close(found, torch.tensor([0.6, 0.3]), atol=2e-3, rtol=0)
+
+
+def test_noise_averages_out():
+    stored = samples(2000)
+    noise = torch.randn(2000, generator=torch.Generator().manual_seed(3))
+    depth = (1.4 * stored - 0.2) * (1.0 + 0.05 * noise)
+    found = align(stored, depth, "affine")
+    # σ of k is about 0.05 · z / √p / σ(x): 0.003; four of those.
+    torch.testing.assert_close(found, torch.tensor([1.4, -0.2]), atol=0.015, rtol=0)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_it_finds_what_trying_every_pair_finds(seed):
+    random = np.random.default_rng(seed)
+    x = random.uniform(0.5, 3.0, 120)
+    y = (0.8 * x + 0.5) * (1 + 0.01 * random.normal(size=120))
+    bad = random.random(120) < 0.3
+    y[bad] = random.uniform(0.2, 8.0, bad.sum())
+    found = align(torch.from_numpy(x).float(), torch.from_numpy(y).float(), "affine")
+    # Both keep all good samples but for those at the threshold: half a standard error (0.01 · 2 / √84 / 0.7 = 0.003).
+    np.testing.assert_allclose(found, best_line(x, y), atol=0.004)
+
+
+def test_samples_without_trust_do_not_count():
+    stored = samples()
+    depth = 2.0 * stored + 0.1
+    depth[:200] = 2.0 * depth[:200]
+    weights = (torch.arange(400) >= 200).float()
+    torch.testing.assert_close(align(stored, depth, "affine", weights), torch.tensor([2.0, 0.1]), rtol=1e-4, atol=1e-4)
+
+
+def test_the_unit_of_either_side_only_scales_the_answer():
+    stored = samples()
+    depth = (1.3 * stored + 0.4) * (1 + 0.02 * torch.randn(400, generator=torch.Generator().manual_seed(4)))
+    k, b = align(stored, depth, "affine").tolist()
+    assert align(stored, 1000.0 * depth, "affine").tolist() == pytest.approx([1000 * k, 1000 * b], rel=1e-4)
+    assert align(1000.0 * stored, depth, "affine").tolist() == pytest.approx([k / 1000, b], rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("stored", "depth"),
+    [
+        (samples(10), samples(10)),
+        (samples(), torch.full((400,), torch.nan)),
+        (torch.zeros(0), torch.zeros(0)),
+        (samples(), torch.full((400,), 2.0)),
+        (torch.full((400,), 2.0), samples()),
+        (samples(), 5.0 - samples()),
+        (samples(), -samples()),
+    ],
+    ids=["few", "none", "empty", "wall", "flat", "mirrored", "behind"],
+)
+def test_what_tells_nothing_has_no_answer(stored, depth):
+    assert align(stored, depth, "affine") is None
+    assert align(stored, depth, "affine", torch.ones_like(stored)) is None
+
+
+def test_depth_that_is_not_before_the_camera_is_none():
+    stored = torch.tensor([[1.0, 0.1, torch.nan]])
+    found = aligned_depth(stored, torch.tensor([1.0, -0.5]), "affine")
+    torch.testing.assert_close(found, torch.tensor([[0.5, torch.nan, torch.nan]]), equal_nan=True)
+    found = aligned_depth(stored, torch.tensor([1.0, -0.5]), "inverse")
+    torch.testing.assert_close(found, torch.tensor([[2.0, torch.nan, torch.nan]]), equal_nan=True)
