@@ -18,18 +18,31 @@ struct Splat2D {
   float x, y, a, b, c, log2_opacity, depth, unused;
 };
 
-// One tile's depth-sorted splats and where its pixels live.
+constexpr int kPacked = 8;            // floats of a Splat2D
+constexpr int kGeometry = 6;          // of a record's gradient, before its channels
+
+// Channels that the kernels know: a pass is padded with zeros to the next such number.
+constexpr int padded_channels(int count) {
+  if (count <= 8) return count;
+  if (count <= 12) return 12;
+  if (count <= 16) return 16;
+  return count <= 24 ? 24 : kMaxChannels;
+}
+// Floats of a record's gradient in one pass: whole Lanes.
+constexpr int gradient_floats(int channels) { return (kGeometry + padded_channels(channels) + 15) / 16 * 16; }
+
+// One tile's depth-sorted records, (splat, tile) pairs, and where its pixels live.
 struct TileView {
-  const Splat2D* splats;       // of the whole image
+  const float* rows;           // of all splats: a Splat2D, then its channels
+  int row_stride;
   const std::uint32_t* order;  // splats that touch the tile, near to far
   const std::uint16_t* masks;  // which of the tile's 16 blocks each touches
+  const std::uint32_t* slots;  // where the gradient of each goes
   int count;
   int x0, y0;                  // first pixel
   int width, height;           // of the image
-  const float* channels;       // (splats, channel_stride), first of the pass
-  int channel_stride;
-  int channel_count;           // of this pass, at most kMaxChannels
-  int channel_offset;          // of this pass in a record's gradient
+  int channel_offset;          // of this pass, in a row
+  int channel_count;           // of this pass, at most kMaxChannels; zeros follow in the row up to padded_channels
 };
 
 // Adam with its bias corrections folded in: rate = lr·√(1 − β2^t)/(1 − β1^t), epsilon scaled by √(1 − β2^t).
@@ -41,16 +54,17 @@ struct Kernels {
   const char* name;
   // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b.
   std::uint16_t (*touched_blocks)(const Splat2D& splat, float tile_x, float tile_y);
-  // Writes the tile's pixels of image (channels, height, width) and alpha (height, width).
-  // scratch: count·(8 + channel_count) floats, then 16·count integers.
-  void (*forward_tile)(const TileView& tile, float* image, float* alpha, float* scratch);
+  // Writes the tile's pixels of image[c] (height, width) for each channel of the pass, and of alpha (height, width).
+  // scratch: 16·count integers.
+  void (*forward_tile)(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);
   // The splat at which each pixel's transmittance falls below one half, as a float; -1 where none does.
-  // scratch: as forward_tile with no channels.
-  void (*median_tile)(const TileView& tile, float* median, float* scratch);
-  // grad of one record: [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha, then channel_count of
-  // dL/dchannel at channel_offset; the six add up over passes. channels_only leaves them alone. alpha_grad may be null.
-  void (*backward_tile)(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                        const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
+  void (*median_tile)(const TileView& tile, float* median, std::uint32_t* scratch);
+  // Writes gradient_floats(channel_count) floats a record at grads + slot·grad_stride (64-byte aligned):
+  // [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha (zeros if channels_only), then dL/dchannel.
+  // image_grad[c] and alpha_grad may be null: zeros.
+  void (*backward_tile)(const TileView& tile, const float* const* image, const float* alpha,
+                        const float* const* image_grad, const float* alpha_grad, bool channels_only, float* grads,
+                        int grad_stride);
   // out[i] = Σ_k taps[k]·padded[i + k]: a row's convolution; padded has width + 2·kSsimRadius floats.
   void (*blur_row)(const float* padded, int width, float* out);
   // out[i] = Σ_k taps[k]·rows[k][i]: a column's; a null row counts as zeros.

@@ -5,10 +5,10 @@
 namespace goc::GOC_ISA {
 
 std::uint16_t touched_blocks(const Splat2D& splat, float tile_x, float tile_y);
-void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch);
-void median_tile(const TileView& tile, float* median, float* scratch);
-void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
+void forward_tile(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);
+void median_tile(const TileView& tile, float* median, std::uint32_t* scratch);
+void backward_tile(const TileView& tile, const float* const* image, const float* alpha, const float* const* image_grad,
+                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride);
 void blur_row(const float* padded, int width, float* out);
 void blur_column(const float* const* rows, int width, float* out);
 double ssim_row(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy, int width,
