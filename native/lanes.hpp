@@ -47,7 +47,29 @@ struct TileView {
 
 // Adam with its bias corrections folded in: rate = lr·√(1 − β2^t)/(1 − β1^t), epsilon scaled by √(1 − β2^t).
 struct AdamStep {
-  float rate, beta1, beta2, epsilon;
+  float beta1, beta2, epsilon;
+  const float* rates;  // of sixteen rows: 16·width numbers
+  int width;
+};
+// Parameters (rows, width) with their gradient and moments.
+struct AdamRows {
+  float* x;
+  const float* grad;
+  float *first, *second;
+};
+
+// One row of L_dn. Depth and normals are NaN where there are none; depth may be read one pixel to either side.
+struct NormalRow {
+  const float *above, *depth, *below;  // depth of three rows
+  const float* normal[3];
+  const float* alpha;
+  float first_x, step_x, ray_y, step_y;  // rays: x = first_x + i·step_x of pixel i; y of the row, and to the next
+};
+// One row of the gradient: what normal_row of the row itself and of its neighbours says about this row's depths.
+struct DepthGradRow {
+  const float *depth, *prior, *denominator;
+  const float *from_left, *from_right, *from_above, *from_below;  // null without normals
+  float depth_scale, normal_scale;
 };
 
 struct Kernels {
@@ -65,14 +87,29 @@ struct Kernels {
   void (*backward_tile)(const TileView& tile, const float* const* image, const float* alpha,
                         const float* const* image_grad, const float* alpha_grad, bool channels_only, float* grads,
                         int grad_stride);
-  // out[i] = Σ_k taps[k]·padded[i + k]: a row's convolution; padded has width + 2·kSsimRadius floats.
-  void (*blur_row)(const float* padded, int width, float* out);
-  // out[i] = Σ_k taps[k]·rows[k][i]: a column's; a null row counts as zeros.
-  void (*blur_column)(const float* const* rows, int width, float* out);
-  // SSIM of one row from the blurred moments, and its gradient with respect to the three that depend on x.
-  double (*ssim_row)(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy,
-                     int width, float* grad_mean, float* grad_xx, float* grad_xy);
-  void (*adam_run)(float* x, const float* g, float* m, float* v, std::size_t count, const AdamStep& step);
+  // Rows of L_c, `pitch` floats long (a multiple of 16); x and y start kSsimRadius before the first pixel and are zero
+  // outside the row, up to pitch + 2·kSsimRadius. Writes five rows: x, y, x², y², xy under the window along the row.
+  void (*moments_row)(const float* x, const float* y, int pitch, float* out);
+  // rows: 2·kSsimRadius + 1 times five such rows. Sum of SSIM, and its gradient for the moments x, x² and xy.
+  float (*ssim_row)(const float* const* rows, int width, int pitch, float* grad_mean, float* grad_xx, float* grad_xy);
+  // The window along one row; padded as x above.
+  void (*maps_row)(const float* padded, int pitch, float* out);
+  // rows: 2·kSsimRadius + 1 times three rows, blurred gradients of the moments. The gradient of L_c at x, and the sums
+  // of |x − y| and of (clamp(x) − y)².
+  void (*photometric_row)(const float* const* rows, const float* x, const float* y, int width, int pitch,
+                          float scale_ssim, float scale_l1, float* grad, float* sums);
+  // Rows of L_d and L_dn; every array may be read up to the next multiple of 16 past `width`.
+  // depth = numerator / denominator where something was rendered, else NaN; sums: Σ |depth − prior| and how many.
+  void (*depth_row)(const float* numerator, const float* denominator, const float* alpha, const float* prior, int width,
+                    float* depth, float* sums);
+  void (*normal_row)(const NormalRow& row, int width, float* const* out, float* sums);
+  void (*depth_grad_row)(const DepthGradRow& row, int width, float* numerator_grad, float* denominator_grad);
+  // plane: rows of blended normals (3) and plane distance. Their fraction at rays (first_x + i·step_x, ray_y, 1).
+  void (*fraction_row)(const float* const* plane, float first_x, float step_x, float ray_y, int width,
+                       float* numerator, float* denominator);
+  void (*fraction_grad_row)(const float* numerator_grad, const float* denominator_grad, float first_x, float step_x,
+                            float ray_y, int width, float* const* plane_grad);
+  void (*adam_rows)(const AdamRows& rows, std::size_t count, const AdamStep& step);
 };
 
 constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5 pixels (Wang et al. 2004)

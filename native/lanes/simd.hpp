@@ -26,6 +26,8 @@ constexpr int kParts = 16 / kWidth;
 typedef float Part __attribute__((vector_size(kWidth * 4)));
 typedef std::int32_t IntPart __attribute__((vector_size(kWidth * 4)));
 
+alignas(64) static const float kIota[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
 struct Lanes {
   Part part[kParts];
 };
@@ -69,6 +71,7 @@ GOC_INLINE Lanes operator*(Lanes a, float b) { GOC_EACH(a.part[p] *= b) return a
 GOC_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b.part[p] + c.part[p]) return c; }
 GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b + c.part[p]) return c; }
 
+GOC_INLINE Mask operator==(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
 GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
 GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
 GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
@@ -82,6 +85,21 @@ GOC_INLINE Lanes keep(Mask m, Lanes x) { return select(m, x, splat(0.0f)); }
 
 GOC_INLINE Lanes min(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] < b.part[p] ? a.part[p] : b.part[p]) return a; }
 GOC_INLINE Lanes max(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] > b.part[p] ? a.part[p] : b.part[p]) return a; }
+
+GOC_INLINE Part part_sqrt(Part x) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_sqrt_ps(0xffff, x);  // _mm512_sqrt_ps warns in GCC 12
+#elif defined(__AVX__)
+  return _mm256_sqrt_ps(x);
+#elif defined(__x86_64__)
+  return _mm_sqrt_ps(x);
+#elif defined(__aarch64__)
+  return vsqrtq_f32(x);
+#else
+  return Part{__builtin_sqrtf(x[0]), __builtin_sqrtf(x[1]), __builtin_sqrtf(x[2]), __builtin_sqrtf(x[3])};
+#endif
+}
+GOC_INLINE Lanes sqrt(Lanes x) { GOC_EACH(x.part[p] = part_sqrt(x.part[p])) return x; }
 
 GOC_INLINE std::uint32_t part_bits(IntPart m) {
 #if defined(__AVX512F__)
@@ -108,6 +126,18 @@ GOC_INLINE Quad load_quad(const float* from) {
   return out;
 }
 GOC_INLINE void store_quad(float* to, Quad x) { __builtin_memcpy(to, &x, sizeof x); }
+
+GOC_INLINE float sum(Lanes x) {
+  Part all = x.part[0];
+  for (int p = 1; p < kParts; ++p) all += x.part[p];
+  Quad total{};
+  for (int q = 0; q < kWidth / 4; ++q) {
+    Quad quad;
+    __builtin_memcpy(&quad, (const char*)&all + q * sizeof quad, sizeof quad);
+    total += quad;
+  }
+  return (total[0] + total[1]) + (total[2] + total[3]);
+}
 
 // Four rows of four floats, `stride` apart, and back.
 GOC_INLINE Lanes load_rows(const float* from, long stride) {

@@ -31,8 +31,7 @@ def geometry_priors(capture: Capture, with_normals: bool) -> Callable[[int], Geo
             cache[view] = torch.nan_to_num(normals * 127.0).round().to(torch.int8)
             while len(cache) > 1 and sum(kept.numel() for kept in cache.values()) > _CACHE_BYTES:
                 cache.popitem(last=False)
-        packed = cache[view].float()
-        return packed / torch.where((packed == 0).all(-1, keepdim=True), torch.nan, packed.norm(dim=-1, keepdim=True))
+        return cache[view]
 
     def prior(view: int) -> GeometryPrior | None:
         frame = capture[view]

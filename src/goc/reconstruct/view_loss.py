@@ -6,9 +6,7 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from goc.geometry.harmonics import colours_towards
-from goc.geometry.rays import pixel_rays
-from goc.raster import centre_depths, plane_channels, rasterize
+from goc.raster import BlendedView, blend_view
 from goc.reconstruct.labels import classify
 from goc.reconstruct.losses import (
     RenderedDepth,
@@ -30,40 +28,30 @@ _IDENTITY_PIXELS = 16_384
 def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], float]:
     """Eq. (6) of one view, and its PSNR in dB."""
     frame = task.capture[view]
-    weights, camera, gaussians = task.config.losses, frame.camera, state.gaussians()
-    planes = task.config.depth == "plane"
-    channels = [
-        colours_towards(gaussians.sh, gaussians.means, camera.position),
-        plane_channels(gaussians, camera) if planes else centre_depths(gaussians, camera)[:, None],
-    ]
-    if gaussians.identity is not None:
-        channels.append(gaussians.identity)
-    blended, alpha = rasterize(gaussians, camera, torch.cat(channels, -1))
-    image, geometry, *features = blended.split([part.shape[1] for part in channels], -1)
-    target = frame.image.float() / 255.0
-    loss = photometric_loss(image, target, weights.ssim)
+    weights, camera = task.config.losses, frame.camera
+    shown = blend_view(state.gaussians(), camera, planes=task.config.depth == "plane")
+    loss, error = photometric_loss(shown.colour, frame.image, weights.ssim)
     prior = task.prior(view)
     if prior is not None and (weights.depth or weights.depth_normal):
-        depth = _rendered_depth(geometry, alpha, camera)
+        depth = _rendered_depth(shown, camera)
         loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
-    if gaussians.identity is not None and frame.ids is not None and weights.identity:
-        loss = loss + weights.identity * _identity_loss(task, state, features[0], frame)
-    error = (image.detach().clamp(0, 1) - target).square().mean().clamp_min(1e-10)
-    return loss, -10.0 * math.log10(error.item())
+    if shown.features is not None and frame.ids is not None and weights.identity:
+        loss = loss + weights.identity * _identity_loss(task, state, shown.features, frame)
+    return loss, -10.0 * math.log10(max(error, 1e-10))
 
 
-def _rendered_depth(geometry: Float[Tensor, "h w g"], alpha: Float[Tensor, "h w"], camera: Camera) -> RenderedDepth:
+def _rendered_depth(shown: BlendedView, camera: Camera) -> RenderedDepth:
     """Depth of four blended plane channels, or of one blended centre depth."""
-    if geometry.shape[-1] == 1:
-        return expected_depth(geometry[..., 0], alpha)
-    return planes_depth(geometry, alpha, pixel_rays(camera))
+    if shown.geometry.shape[0] == 1:
+        return expected_depth(shown.geometry[0], shown.alpha)
+    return planes_depth(shown.geometry, shown.alpha, camera)
 
 
-def _identity_loss(task: Task, state: State, features: Float[Tensor, "h w f"], frame: Frame) -> Float[Tensor, ""]:
+def _identity_loss(task: Task, state: State, features: Float[Tensor, "f h w"], frame: Frame) -> Float[Tensor, ""]:
     assert frame.ids is not None
     classes = torch.full_like(frame.ids, -1)
     for place, name in enumerate(task.names):
         classes[frame.ids == name] = place
     pixels = torch.randint(0, classes.numel(), (_IDENTITY_PIXELS,), generator=generator_of(task.config, 1, state.step))
-    logits = classify(features.reshape(-1, features.shape[-1])[pixels], state.shared)
+    logits = classify(features.flatten(1)[:, pixels].T, state.shared)
     return identity_loss(logits, classes.reshape(-1)[pixels])
