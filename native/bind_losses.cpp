@@ -4,6 +4,7 @@
 
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
+#include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "geometry_loss.hpp"
@@ -13,40 +14,80 @@
 #include "threads.hpp"
 
 namespace goc {
+namespace {
+
+using Bytes = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+using PackedNormals = nb::ndarray<const std::int8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
+
+template <class Planes, class Image>
+void check_fraction(const Planes& planes, const Lens& lens, const Image& numerator, const Image& denominator) {
+  const auto fits = [&](std::size_t h, std::size_t w) {
+    return h == (std::size_t)lens.height && w == (std::size_t)lens.width;
+  };
+  check(planes.shape(0) == 4 && fits(planes.shape(1), planes.shape(2)), "planes must be (4, height, width)");
+  check(fits(numerator.shape(0), numerator.shape(1)) && fits(denominator.shape(0), denominator.shape(1)),
+        "images must have the height and width of the lens");
+}
+
+}  // namespace
 
 void bind_losses(nb::module_& module) {
   nb::class_<Photometric>(module, "Photometric", "L_c = (1 − λ)·L1 + λ·(1 − SSIM) and its gradient; keeps a workspace.")
       .def(nb::init<>())
       .def(
           "__call__",
-          [](Photometric& self, Image x, Image y, float ssim_weight, ImageOut grad) {
-            for (int k = 0; k < 3; ++k)
-              check(x.shape(k) == y.shape(k) && x.shape(k) == grad.shape(k), "images must have one shape (c h w)");
+          [](Photometric& self, Image x, Bytes target, float ssim_weight, ImageOut grad) {
+            check(x.shape(0) == 3 && target.shape(0) == x.shape(1) && target.shape(1) == x.shape(2),
+                  "x must be (3, height, width) and target (height, width, 3)");
+            for (int k = 0; k < 3; ++k) check(x.shape(k) == grad.shape(k), "grad must have the shape of x");
             nb::gil_scoped_release release;
-            return self(x.data(), y.data(), (int)x.shape(0), (int)x.shape(1), (int)x.shape(2), ssim_weight,
-                        grad.data());
+            const auto found =
+                self(x.data(), target.data(), (int)x.shape(1), (int)x.shape(2), ssim_weight, grad.data());
+            return std::pair(found.loss, found.square_error);
           },
-          nb::arg("x"), nb::arg("y"), nb::arg("ssim_weight"), nb::arg("grad"));
+          nb::arg("x"), nb::arg("target"), nb::arg("ssim_weight"), nb::arg("grad"));
 
+  nb::class_<Lens>(module, "Lens", "width, height, fx, fy, cx, cy.").def(nb::init<int, int, float, float, float, float>());
   nb::class_<GeometryLoss>(module, "GeometryLoss", "L_d and L_dn of a rendered depth and their gradient.")
       .def(nb::init<>())
       .def(
           "__call__",
-          [](GeometryLoss& self, Plane numerator, Plane denominator, Plane alpha, Plane prior_depth, std::optional<In<kAny, kAny, 3>> normals,
-             float fx, float fy, float cx, float cy, float depth_weight, float normal_weight, PlaneOut numerator_grad,
-             PlaneOut denominator_grad) {
-            const auto same = [&](const auto& a) { return a.shape(0) == numerator.shape(0) && a.shape(1) == numerator.shape(1); };
-            check(same(denominator) && same(alpha) && same(prior_depth) && same(numerator_grad) && same(denominator_grad) && (!normals || same(*normals)),
-                  "images must have one height and width");
-            const DepthView view{numerator.data(), denominator.data(), alpha.data(), prior_depth.data(), normals ? normals->data() : nullptr,
-                                 (int)numerator.shape(1), (int)numerator.shape(0), fx, fy, cx, cy};
+          [](GeometryLoss& self, Plane numerator, Plane denominator, Plane alpha, Plane prior_depth,
+             std::optional<In<kAny, kAny, 3>> normals, std::optional<PackedNormals> packed, const Lens& lens,
+             float depth_weight, float normal_weight, PlaneOut numerator_grad, PlaneOut denominator_grad) {
+            const auto fits = [&](const auto& a) {
+              return a.shape(0) == (std::size_t)lens.height && a.shape(1) == (std::size_t)lens.width;
+            };
+            check(fits(numerator) && fits(denominator) && fits(alpha) && fits(prior_depth) && fits(numerator_grad) &&
+                      fits(denominator_grad) && (!normals || fits(*normals)) && (!packed || fits(*packed)),
+                  "images must have the height and width of the lens");
+            const DepthImages images{numerator.data(),   denominator.data(),
+                                     alpha.data(),       prior_depth.data(),
+                                     normals ? normals->data() : nullptr, packed ? packed->data() : nullptr};
             nb::gil_scoped_release release;
-            const GeometryLosses losses = self(view, depth_weight, normal_weight, numerator_grad.data(), denominator_grad.data());
+            const GeometryLosses losses =
+                self(images, lens, depth_weight, normal_weight, numerator_grad.data(), denominator_grad.data());
             return std::pair(losses.depth, losses.depth_normal);
           },
-          nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("prior_depth"), nb::arg("prior_normals").none(), nb::arg("fx"),
-          nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("depth_weight"), nb::arg("normal_weight"),
-          nb::arg("numerator_grad"), nb::arg("denominator_grad"));
+          nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("prior_depth"),
+          nb::arg("normals").none(), nb::arg("packed_normals").none(), nb::arg("lens"), nb::arg("depth_weight"),
+          nb::arg("normal_weight"), nb::arg("numerator_grad"), nb::arg("denominator_grad"));
+  module.def(
+      "plane_fraction",
+      [](Image planes, const Lens& lens, PlaneOut numerator, PlaneOut denominator) {
+        check_fraction(planes, lens, numerator, denominator);
+        nb::gil_scoped_release release;
+        plane_fraction(planes.data(), lens, numerator.data(), denominator.data());
+      },
+      "Numerator and denominator of the depth of blended planes (4 h w).");
+  module.def(
+      "plane_fraction_backward",
+      [](Plane numerator_grad, Plane denominator_grad, const Lens& lens, ImageOut planes_grad) {
+        check_fraction(planes_grad, lens, numerator_grad, denominator_grad);
+        nb::gil_scoped_release release;
+        plane_fraction_backward(numerator_grad.data(), denominator_grad.data(), lens, planes_grad.data());
+      },
+      "The gradient of the planes.");
   module.def(
       "plane_normals",
       [](Plane depth, float fx, float fy, float cx, float cy, int radius, float agree, int fewest, ImageOut normals) {
@@ -60,22 +101,25 @@ void bind_losses(nb::module_& module) {
       nb::arg("fewest"), nb::arg("normals"), "Normals of planes fitted to windows of a depth image.");
   module.def(
       "adam",
-      [](Flat x, In<kAny> grad, Flat first, Flat second, double rate, double beta1, double beta2, double epsilon,
-         int step) {
-        const std::size_t n = x.shape(0);
-        check(grad.shape(0) == n && first.shape(0) == n && second.shape(0) == n, "x, grad and moments differ in length");
+      [](PlaneOut x, Plane grad, PlaneOut first, PlaneOut second, const std::vector<double>& rates, double beta1,
+         double beta2, double epsilon, int step) {
+        const std::size_t n = x.shape(0), width = x.shape(1);
+        const auto fits = [&](const auto& a) { return a.shape(0) == n && a.shape(1) == width; };
+        check(fits(grad) && fits(first) && fits(second), "x, grad and moments differ in shape");
+        check(rates.size() == width, "every column needs a rate");
         check(step >= 1, "steps count from 1");
-        const double unbias = std::sqrt(1.0 - std::pow(beta2, step));
-        const AdamStep adam{(float)(rate * unbias / (1.0 - std::pow(beta1, step))), (float)beta1, (float)beta2,
-                            (float)(epsilon * unbias)};
+        const double unbias = std::sqrt(1.0 - std::pow(beta2, step)), scale = unbias / (1.0 - std::pow(beta1, step));
+        std::vector<float> pattern(16 * width);
+        for (std::size_t k = 0; k < pattern.size(); ++k) pattern[k] = (float)(rates[k % width] * scale);
+        const AdamStep adam{(float)beta1, (float)beta2, (float)(epsilon * unbias), pattern.data(), (int)width};
         nb::gil_scoped_release release;
-        parallel_for(n, 1 << 14, [&](std::size_t begin, std::size_t end) {
-          kernels().adam_run(x.data() + begin, grad.data() + begin, first.data() + begin, second.data() + begin,
-                             end - begin, adam);
+        parallel_for(n, 4096, [&](std::size_t begin, std::size_t end) {
+          const std::size_t at = begin * width;
+          kernels().adam_rows({x.data() + at, grad.data() + at, first.data() + at, second.data() + at}, end - begin, adam);
         });
       },
-      nb::arg("x"), nb::arg("grad"), nb::arg("first"), nb::arg("second"), nb::arg("rate"), nb::arg("beta1"),
-      nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam step, in place.");
+      nb::arg("x"), nb::arg("grad"), nb::arg("first"), nb::arg("second"), nb::arg("rates"), nb::arg("beta1"),
+      nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam step on (rows, columns), in place.");
 }
 
 }  // namespace goc

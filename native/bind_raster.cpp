@@ -2,9 +2,11 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <nanobind/stl/optional.h>
+#include <nanobind/stl/vector.h>
 
 #include <optional>
 #include <stdexcept>
+#include <vector>
 
 #include "arrays.hpp"
 #include "raster.hpp"
@@ -29,6 +31,99 @@ struct Splats {
   }
 };
 
+// What is blended, with the arrays behind it.
+struct ChannelArrays {
+  std::optional<Plane> features;
+  std::optional<In<kAny, kAny, 3>> sh;
+  bool planes;
+
+  // Checked against the number of splats; the eye is where `view` looks from.
+  Channels channels(std::size_t splats, const float* view) const {
+    Channels out;
+    check(features || sh, "nothing to blend");
+    if (features) {
+      check(features->shape(0) == splats, "channels must have one row a splat");
+      out.features = features->data(), out.feature_count = (int)features->shape(1);
+    }
+    if (sh) {
+      const std::size_t k = sh->shape(1);
+      check(sh->shape(0) == splats, "sh must have one row a splat");
+      check(k == 1 || k == 4 || k == 9 || k == 16, "sh must have (degree + 1)² rows of degree 0 to 3");
+      out.sh = sh->data(), out.harmonics = (int)k, out.planes = planes;
+    }
+    for (int k = 0; k < 3; ++k)
+      out.eye[k] = -(view[k] * view[3] + view[4 + k] * view[7] + view[8 + k] * view[11]);
+    return out;
+  }
+};
+
+// The planes of images (c h w), one after another.
+template <class T, class Images>
+std::vector<T*> planes_of(const Images& images, const RasterCamera& camera) {
+  std::vector<T*> out;
+  for (const auto& image : images) {
+    check(image.shape(1) == (std::size_t)camera.height && image.shape(2) == (std::size_t)camera.width,
+          "images must be (channels, height, width)");
+    for (std::size_t c = 0; c < image.shape(0); ++c) out.push_back(image.data() + c * image.shape(1) * image.shape(2));
+  }
+  return out;
+}
+
+using Images = std::vector<Image>;
+using ImagesOut = std::vector<ImageOut>;
+using Gradients = std::vector<std::optional<Image>>;
+
+void forward(Raster& self, const Splats& splats, const ChannelArrays& arrays, const RasterCamera& camera,
+             const ImagesOut& images, PlaneOut alpha) {
+  const SplatArrays given = splats.arrays();
+  const Channels channels = arrays.channels(given.size, camera.view);
+  const auto planes = planes_of<float>(images, camera);
+  check(planes.size() == (std::size_t)channels.count() && !planes.empty(), "as many planes as channels are needed");
+  check(alpha.shape(0) == (std::size_t)camera.height && alpha.shape(1) == (std::size_t)camera.width,
+        "alpha must be (height, width)");
+  nb::gil_scoped_release release;
+  self.forward(given, channels, camera, planes.data(), alpha.data());
+}
+
+void backward(Raster& self, const Splats& splats, const ChannelArrays& arrays, const Images& images, Plane alpha,
+              const Gradients& image_grads, std::optional<Plane> alpha_grad, std::optional<PlaneOut> means,
+              std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<Flat> logits,
+              std::optional<ImageOut> sh, std::optional<PlaneOut> features) {
+  const SplatArrays given = splats.arrays();
+  const RasterCamera& camera = self.camera();
+  const Channels channels = arrays.channels(given.size, camera.view);
+  const auto planes = planes_of<const float>(images, camera);
+  check(planes.size() == (std::size_t)channels.count(), "as many planes as channels are needed");
+  check(images.size() == image_grads.size(), "every image needs a gradient, or None");
+  std::vector<const float*> grads;
+  for (std::size_t k = 0; k < images.size(); ++k) {
+    for (int axis = 0; image_grads[k] && axis < 3; ++axis)
+      check(image_grads[k]->shape(axis) == images[k].shape(axis), "a gradient differs from its image");
+    const std::size_t size = images[k].shape(1) * images[k].shape(2);
+    for (std::size_t c = 0; c < images[k].shape(0); ++c)
+      grads.push_back(image_grads[k] ? image_grads[k]->data() + c * size : nullptr);
+  }
+  const auto rows = [&](const auto& a, std::size_t width) {
+    check(a.shape(0) == given.size && a.shape(1) == width, "a gradient has the wrong shape");
+  };
+  SplatGradients out{};
+  if (means) {
+    check(quats && log_scales && logits, "gradients of the splats come together");
+    rows(*means, 3), rows(*quats, 4), rows(*log_scales, 3);
+    check(logits->shape(0) == given.size, "a gradient has the wrong shape");
+    out = {means->data(), quats->data(), log_scales->data(), logits->data()};
+  }
+  check(sh.has_value() == (channels.sh != nullptr), "sh needs a gradient");
+  check(features.has_value() == (channels.features != nullptr), "features need a gradient");
+  if (sh) rows(*sh, channels.harmonics), check(sh->shape(2) == 3, "a gradient has the wrong shape");
+  if (features) rows(*features, channels.feature_count);
+  const ChannelGradients channels_out{sh ? sh->data() : nullptr, features ? features->data() : nullptr};
+  const float* upstream = alpha_grad ? alpha_grad->data() : nullptr;
+  nb::gil_scoped_release release;
+  self.backward(given, channels, planes.data(), alpha.data(), grads.data(), upstream, means ? &out : nullptr,
+                channels_out);
+}
+
 }  // namespace
 
 void bind_raster(nb::module_& module) {
@@ -46,6 +141,15 @@ void bind_raster(nb::module_& module) {
              self->arrays();
            });
 
+  nb::class_<ChannelArrays>(module, "Channels",
+                            "What is blended: with sh (n k 3), colour (3) and planes (4) or depth (1) first; then "
+                            "features (n f).")
+      .def("__init__",
+           [](ChannelArrays* self, std::optional<Plane> features, std::optional<In<kAny, kAny, 3>> sh, bool planes) {
+             new (self) ChannelArrays{features, sh, planes};
+           },
+           nb::arg("features").none(), nb::arg("sh").none() = nb::none(), nb::arg("planes") = false);
+
   nb::class_<RasterCamera>(module, "RasterCamera", "cam_from_world (4 4), fx, fy, cx, cy, width, height.")
       .def("__init__", [](RasterCamera* self, In<4, 4> view, float fx, float fy, float cx, float cy, int width,
                           int height) {
@@ -58,48 +162,12 @@ void bind_raster(nb::module_& module) {
   nb::class_<Raster>(module, "Raster", "One rendered view and the buffers behind it; reusable for another view.")
       .def(nb::init<>())
       .def_prop_ro("records", &Raster::records, "(tile, splat) pairs of the last view.")
-      .def(
-          "forward",
-          [](Raster& self, const Splats& splats, const RasterCamera& camera, Plane channels, ImageOut image,
-             PlaneOut alpha) {
-            const SplatArrays arrays = splats.arrays();
-            check(channels.shape(0) == arrays.size, "channels must have one row a splat");
-            const std::size_t h = camera.height, w = camera.width;
-            check(image.shape(0) == channels.shape(1) && image.shape(1) == h && image.shape(2) == w,
-                  "image must be (channels, height, width)");
-            check(alpha.shape(0) == h && alpha.shape(1) == w, "alpha must be (height, width)");
-            nb::gil_scoped_release release;
-            self.forward(arrays, channels.data(), (int)channels.shape(1), camera, image.data(), alpha.data());
-          },
-          "Render channels (n c) into image (c h w) and alpha (h w).")
-      .def(
-          "backward",
-          [](Raster& self, const Splats& splats, Plane channels, Image image, Plane alpha, Image image_grad,
-             std::optional<Plane> alpha_grad, PlaneOut channels_grad, std::optional<PlaneOut> means,
-             std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<Flat> logits) {
-            const SplatArrays arrays = splats.arrays();
-            const auto rows = [&](const auto& a, std::size_t width) {
-              check(a.shape(0) == arrays.size && a.shape(1) == width, "a gradient has the wrong shape");
-            };
-            rows(channels, channels.shape(1));
-            rows(channels_grad, channels.shape(1));
-            for (int k = 0; k < 3; ++k) check(image.shape(k) == image_grad.shape(k), "image_grad differs from image");
-            SplatGradients out{};
-            if (means) {
-              check(quats && log_scales && logits, "gradients of the splats come together");
-              rows(*means, 3), rows(*quats, 4), rows(*log_scales, 3);
-              check(logits->shape(0) == arrays.size, "a gradient has the wrong shape");
-              out = {means->data(), quats->data(), log_scales->data(), logits->data()};
-            }
-            const float* upstream = alpha_grad ? alpha_grad->data() : nullptr;
-            nb::gil_scoped_release release;
-            self.backward(arrays, channels.data(), image.data(), alpha.data(), image_grad.data(), upstream,
-                          means ? &out : nullptr, channels_grad.data());
-          },
-          nb::arg("splats"), nb::arg("channels"), nb::arg("image"), nb::arg("alpha"), nb::arg("image_grad"),
-          nb::arg("alpha_grad").none(), nb::arg("channels_grad"), nb::arg("means").none(), nb::arg("quats").none(),
-          nb::arg("log_scales").none(), nb::arg("logits").none(),
-          "Gradients of the last forward; rows of splats outside the view are left alone (pass zeros).")
+      .def("forward", &forward, nb::arg("splats"), nb::arg("channels"), nb::arg("camera"), nb::arg("images"),
+           nb::arg("alpha"), "Render the channels into the planes of images (c h w), taken together, and alpha (h w).")
+      .def("backward", &backward, nb::arg("splats"), nb::arg("channels"), nb::arg("images"), nb::arg("alpha"),
+           nb::arg("image_grads"), nb::arg("alpha_grad").none(), nb::arg("means").none(), nb::arg("quats").none(),
+           nb::arg("log_scales").none(), nb::arg("logits").none(), nb::arg("sh").none(), nb::arg("features").none(),
+           "Gradients of the last forward, every row; an image without a gradient has None.")
       .def("median", [](const Raster& self, nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> out) {
         check(out.shape(0) == (std::size_t)self.height() && out.shape(1) == (std::size_t)self.width(),
               "out must be (height, width) of the last view");

@@ -5,73 +5,97 @@
 #include <cstring>
 #include <limits>
 
+#include "lanes.hpp"
 #include "threads.hpp"
 
 namespace goc {
 namespace {
 
-constexpr float kMinAlpha = 0.1f;         // below, nothing worth a depth was rendered
-constexpr float kMinDenominator = 0.01f;  // below, planes are seen edge-on
 constexpr std::size_t kRowGrain = 16;
+constexpr int kBorder = 16;  // floats to the left of a row, and to the right of its last whole Lanes
+constexpr float kNaN = std::numeric_limits<float>::quiet_NaN();
 
-struct Vec3 {
-  float x, y, z;
+// Rows of a thread's own, each whole Lanes long.
+class Rows {
+ public:
+  Rows(int count, int width) : pitch_((width + 15) / 16 * 16), width_(width) {
+    thread_local std::vector<float> buffer;
+    if (buffer.size() < (std::size_t)count * pitch_) buffer.resize((std::size_t)count * pitch_);
+    data_ = buffer.data();
+  }
+  float* operator[](int k) { return data_ + (std::size_t)k * pitch_; }
+  // Row y of an image, followed by `after` instead of by the next row.
+  float* copy(int k, const float* image, int y, float after) {
+    float* to = (*this)[k];
+    std::memcpy(to, image + (std::size_t)y * width_, width_ * sizeof(float));
+    std::fill(to + width_, to + pitch_, after);
+    return to;
+  }
+
+ private:
+  int pitch_, width_;
+  float* data_;
 };
-Vec3 operator-(Vec3 a, Vec3 b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
-float dot(Vec3 a, Vec3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec3 cross(Vec3 a, Vec3 b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
+
+// One row of the normals as three rows of numbers, NaN where there is none.
+void read_normals(const DepthImages& images, int y, int width, float* const* out) {
+  if (images.prior_normals) {
+    const float* from = images.prior_normals + (std::size_t)y * width * 3;
+    for (int i = 0; i < width; ++i)
+      for (int k = 0; k < 3; ++k) out[k][i] = from[3 * i + k];
+    return;
+  }
+  const std::int8_t* from = images.packed_normals + (std::size_t)y * width * 3;
+  for (int i = 0; i < width; ++i) {
+    const float a = from[3 * i], b = from[3 * i + 1], c = from[3 * i + 2], squared = a * a + b * b + c * c;
+    const float inverse = squared > 0 ? 1.0f / std::sqrt(squared) : kNaN;
+    out[0][i] = a * inverse, out[1][i] = b * inverse, out[2][i] = c * inverse;
+  }
+}
 
 }  // namespace
 
-GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weight, float normal_weight,
-                                        float* numerator_grad, float* denominator_grad) {
-  const int w = view.width, h = view.height;
-  const std::size_t size = (std::size_t)w * h;
-  const bool with_normals = view.prior_normals && normal_weight != 0.0f && w > 2 && h > 2;
-  depth_.resize(size);
+float* GeometryLoss::row(std::vector<float>& image, int y) {
+  return image.data() + (std::size_t)(y + 1) * pitch_ + kBorder;
+}
+
+GeometryLosses GeometryLoss::operator()(const DepthImages& images, const Lens& lens, float depth_weight,
+                                        float normal_weight, float* numerator_grad, float* denominator_grad) {
+  const int w = lens.width, h = lens.height;
+  const Kernels& kernel = kernels();
+  const bool with_normals = (images.prior_normals || images.packed_normals) && normal_weight != 0.0f;
+  pitch_ = (w + 15) / 16 * 16 + 2 * kBorder;
+  const std::size_t size = (std::size_t)(h + 2) * pitch_;
+  depth_.assign(size, kNaN);
   sums_.assign((std::size_t)h * 4, 0.0);  // a row: Σ|D − D̂|, count, Σ α(1 − cos), count
-  const auto ray = [&](int x, int y) -> Vec3 {
-    return {(x + 0.5f - view.cx) / view.fx, (y + 0.5f - view.cy) / view.fy, 1.0f};
-  };
-  const auto point = [&](int x, int y) -> Vec3 {
-    const float d = depth_[(std::size_t)y * w + x];
-    const Vec3 r = ray(x, y);
-    return {r.x * d, r.y * d, d};
-  };
   parallel_for(h, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t i = begin * w; i < end * w; ++i) {
-      // NaN where nothing was rendered: it spreads to every difference that would need the pixel.
-      const bool rendered = view.alpha[i] > kMinAlpha && view.denominator[i] > kMinDenominator;
-      depth_[i] = rendered ? view.numerator[i] / view.denominator[i] : std::numeric_limits<float>::quiet_NaN();
-      if (!rendered || !std::isfinite(view.prior_depth[i])) continue;
-      sums_[i / w * 4] += std::fabs(depth_[i] - view.prior_depth[i]);
-      sums_[i / w * 4 + 1] += 1.0;
+    Rows rows(4, w);
+    for (int y = (int)begin; y < (int)end; ++y) {
+      float sums[2];
+      kernel.depth_row(rows.copy(0, images.numerator, y, 0), rows.copy(1, images.denominator, y, 0),
+                       rows.copy(2, images.alpha, y, 0), rows.copy(3, images.prior_depth, y, kNaN), w, row(depth_, y),
+                       sums);
+      sums_[(std::size_t)y * 4] = sums[0], sums_[(std::size_t)y * 4 + 1] = sums[1];
     }
   });
   if (with_normals) {
-    pull_x_.assign(size * 3, 0.0f);
-    pull_y_.assign(size * 3, 0.0f);
+    for (auto* image : {&to_right_, &to_left_, &to_below_, &to_above_})
+      if (image->size() != size) image->assign(size, 0.0f);
     parallel_for(h, kRowGrain, [&](std::size_t begin, std::size_t end) {
-      for (int y = std::max(1, (int)begin); y < std::min(h - 1, (int)end); ++y)
-        for (int x = 1; x < w - 1; ++x) {
-          const std::size_t i = (std::size_t)y * w + x;
-          const float* n = view.prior_normals + 3 * i;
-          if (!std::isfinite(n[0]) || !std::isfinite(depth_[i])) continue;
-          const Vec3 right = point(x + 1, y) - point(x - 1, y), down = point(x, y + 1) - point(x, y - 1);
-          const Vec3 c = cross(down, right);
-          const float length = std::sqrt(dot(c, c));
-          if (!(length > 1e-12f)) continue;  // degenerate, or NaN: a neighbour was not rendered
-          const Vec3 prior{n[0], n[1], n[2]}, unit{c.x / length, c.y / length, c.z / length};
-          const float cosine = dot(unit, prior), weight = view.alpha[i];
-          sums_[(std::size_t)y * 4 + 2] += weight * (1.0f - cosine);
-          sums_[(std::size_t)y * 4 + 3] += 1.0;
-          // d(−α cos)/dc, then through c = down × right.
-          const float f = -weight / length;
-          const Vec3 g{f * (prior.x - cosine * unit.x), f * (prior.y - cosine * unit.y), f * (prior.z - cosine * unit.z)};
-          const Vec3 gx = cross(g, down), gy = cross(right, g);
-          std::memcpy(&pull_x_[3 * i], &gx, sizeof gx);
-          std::memcpy(&pull_y_[3 * i], &gy, sizeof gy);
-        }
+      Rows rows(4, w);
+      for (int y = (int)begin; y < (int)end; ++y) {
+        float* normal[3] = {rows.copy(0, images.alpha, y, kNaN), rows.copy(1, images.alpha, y, kNaN),
+                            rows.copy(2, images.alpha, y, kNaN)};
+        read_normals(images, y, w, normal);
+        const NormalRow input{row(depth_, y - 1), row(depth_, y),   row(depth_, y + 1),
+                              {normal[0], normal[1], normal[2]},    rows.copy(3, images.alpha, y, 0),
+                              (0.5f - lens.cx) / lens.fx,           1.0f / lens.fx,
+                              (y + 0.5f - lens.cy) / lens.fy,       1.0f / lens.fy};
+        float* const out[4] = {row(to_right_, y), row(to_left_, y), row(to_below_, y), row(to_above_, y)};
+        float sums[2];
+        kernel.normal_row(input, w, out, sums);
+        sums_[(std::size_t)y * 4 + 2] = sums[0], sums_[(std::size_t)y * 4 + 3] = sums[1];
+      }
     });
   }
   double sum[4] = {};
@@ -80,30 +104,46 @@ GeometryLosses GeometryLoss::operator()(const DepthView& view, float depth_weigh
   const float depth_scale = depth_weight / (float)std::max(sum[1], 1.0);
   const float normal_scale = normal_weight / (float)std::max(sum[3], 1.0);
   parallel_for(h, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    for (int y = (int)begin; y < (int)end; ++y)
-      for (int x = 0; x < w; ++x) {
-        const std::size_t i = (std::size_t)y * w + x;
-        numerator_grad[i] = denominator_grad[i] = 0.0f;
-        if (!std::isfinite(depth_[i])) continue;
-        float g = 0.0f;
-        const float difference = depth_[i] - view.prior_depth[i];
-        if (std::isfinite(difference)) g = difference > 0 ? depth_scale : (difference < 0 ? -depth_scale : 0.0f);
-        if (with_normals) {
-          Vec3 pull{0, 0, 0};
-          const auto add = [&](const std::vector<float>& from, std::size_t at, float sign) {
-            pull.x += sign * from[3 * at], pull.y += sign * from[3 * at + 1], pull.z += sign * from[3 * at + 2];
-          };
-          if (x > 0) add(pull_x_, i - 1, 1.0f);
-          if (x < w - 1) add(pull_x_, i + 1, -1.0f);
-          if (y > 0) add(pull_y_, i - w, 1.0f);
-          if (y < h - 1) add(pull_y_, i + w, -1.0f);
-          g += normal_scale * dot(pull, ray(x, y));
-        }
-        numerator_grad[i] = g / view.denominator[i];
-        denominator_grad[i] = -g * depth_[i] / view.denominator[i];
+    Rows rows(4, w);
+    for (int y = (int)begin; y < (int)end; ++y) {
+      DepthGradRow input{row(depth_, y), rows.copy(0, images.prior_depth, y, kNaN),
+                         rows.copy(1, images.denominator, y, 1), nullptr, nullptr, nullptr, nullptr, depth_scale,
+                         normal_scale};
+      if (with_normals) {
+        input.from_left = row(to_right_, y), input.from_right = row(to_left_, y);
+        input.from_above = row(to_below_, y - 1), input.from_below = row(to_above_, y + 1);
       }
+      kernel.depth_grad_row(input, w, rows[2], rows[3]);
+      std::memcpy(numerator_grad + (std::size_t)y * w, rows[2], w * sizeof(float));
+      std::memcpy(denominator_grad + (std::size_t)y * w, rows[3], w * sizeof(float));
+    }
   });
   return {sum[0] / std::max(sum[1], 1.0), sum[2] / std::max(sum[3], 1.0)};
+}
+
+void plane_fraction(const float* planes, const Lens& lens, float* numerator, float* denominator) {
+  const std::size_t w = lens.width, size = w * lens.height;
+  parallel_for(lens.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      const float* const rows[4] = {planes + y * w, planes + size + y * w, planes + 2 * size + y * w,
+                                    planes + 3 * size + y * w};
+      kernels().fraction_row(rows, (0.5f - lens.cx) / lens.fx, 1.0f / lens.fx, (y + 0.5f - lens.cy) / lens.fy, (int)w,
+                             numerator + y * w, denominator + y * w);
+    }
+  });
+}
+
+void plane_fraction_backward(const float* numerator_grad, const float* denominator_grad, const Lens& lens,
+                             float* planes_grad) {
+  const std::size_t w = lens.width, size = w * lens.height;
+  parallel_for(lens.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t y = begin; y < end; ++y) {
+      float* const rows[4] = {planes_grad + y * w, planes_grad + size + y * w, planes_grad + 2 * size + y * w,
+                              planes_grad + 3 * size + y * w};
+      kernels().fraction_grad_row(numerator_grad + y * w, denominator_grad + y * w, (0.5f - lens.cx) / lens.fx,
+                                  1.0f / lens.fx, (y + 0.5f - lens.cy) / lens.fy, (int)w, rows);
+    }
+  });
 }
 
 }  // namespace goc

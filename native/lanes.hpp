@@ -18,47 +18,98 @@ struct Splat2D {
   float x, y, a, b, c, log2_opacity, depth, unused;
 };
 
-// One tile's depth-sorted splats and where its pixels live.
+constexpr int kPacked = 8;            // floats of a Splat2D
+constexpr int kGeometry = 6;          // of a record's gradient, before its channels
+
+// Channels that the kernels know: a pass is padded with zeros to the next such number.
+constexpr int padded_channels(int count) {
+  if (count <= 8) return count;
+  if (count <= 12) return 12;
+  if (count <= 16) return 16;
+  return count <= 24 ? 24 : kMaxChannels;
+}
+// Floats of a record's gradient in one pass: whole Lanes.
+constexpr int gradient_floats(int channels) { return (kGeometry + padded_channels(channels) + 15) / 16 * 16; }
+
+// One tile's depth-sorted records, (splat, tile) pairs, and where its pixels live.
 struct TileView {
-  const Splat2D* splats;       // of the whole image
+  const float* rows;           // of all splats: a Splat2D, then its channels
+  int row_stride;
   const std::uint32_t* order;  // splats that touch the tile, near to far
   const std::uint16_t* masks;  // which of the tile's 16 blocks each touches
+  const std::uint32_t* slots;  // where the gradient of each goes
   int count;
   int x0, y0;                  // first pixel
   int width, height;           // of the image
-  const float* channels;       // (splats, channel_stride), first of the pass
-  int channel_stride;
-  int channel_count;           // of this pass, at most kMaxChannels
-  int channel_offset;          // of this pass in a record's gradient
+  int channel_offset;          // of this pass, in a row
+  int channel_count;           // of this pass, at most kMaxChannels; zeros follow in the row up to padded_channels
 };
 
 // Adam with its bias corrections folded in: rate = lr·√(1 − β2^t)/(1 − β1^t), epsilon scaled by √(1 − β2^t).
 struct AdamStep {
-  float rate, beta1, beta2, epsilon;
+  float beta1, beta2, epsilon;
+  const float* rates;  // of sixteen rows: 16·width numbers
+  int width;
+};
+// Parameters (rows, width) with their gradient and moments.
+struct AdamRows {
+  float* x;
+  const float* grad;
+  float *first, *second;
+};
+
+// One row of L_dn. Depth and normals are NaN where there are none; depth may be read one pixel to either side.
+struct NormalRow {
+  const float *above, *depth, *below;  // depth of three rows
+  const float* normal[3];
+  const float* alpha;
+  float first_x, step_x, ray_y, step_y;  // rays: x = first_x + i·step_x of pixel i; y of the row, and to the next
+};
+// One row of the gradient: what normal_row of the row itself and of its neighbours says about this row's depths.
+struct DepthGradRow {
+  const float *depth, *prior, *denominator;
+  const float *from_left, *from_right, *from_above, *from_below;  // null without normals
+  float depth_scale, normal_scale;
 };
 
 struct Kernels {
   const char* name;
   // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b.
   std::uint16_t (*touched_blocks)(const Splat2D& splat, float tile_x, float tile_y);
-  // Writes the tile's pixels of image (channels, height, width) and alpha (height, width).
-  // scratch: count·(8 + channel_count) floats, then 16·count integers.
-  void (*forward_tile)(const TileView& tile, float* image, float* alpha, float* scratch);
+  // Writes the tile's pixels of image[c] (height, width) for each channel of the pass, and of alpha (height, width).
+  // scratch: 16·count integers.
+  void (*forward_tile)(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);
   // The splat at which each pixel's transmittance falls below one half, as a float; -1 where none does.
-  // scratch: as forward_tile with no channels.
-  void (*median_tile)(const TileView& tile, float* median, float* scratch);
-  // grad of one record: [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha, then channel_count of
-  // dL/dchannel at channel_offset; the six add up over passes. channels_only leaves them alone. alpha_grad may be null.
-  void (*backward_tile)(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                        const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
-  // out[i] = Σ_k taps[k]·padded[i + k]: a row's convolution; padded has width + 2·kSsimRadius floats.
-  void (*blur_row)(const float* padded, int width, float* out);
-  // out[i] = Σ_k taps[k]·rows[k][i]: a column's; a null row counts as zeros.
-  void (*blur_column)(const float* const* rows, int width, float* out);
-  // SSIM of one row from the blurred moments, and its gradient with respect to the three that depend on x.
-  double (*ssim_row)(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy,
-                     int width, float* grad_mean, float* grad_xx, float* grad_xy);
-  void (*adam_run)(float* x, const float* g, float* m, float* v, std::size_t count, const AdamStep& step);
+  void (*median_tile)(const TileView& tile, float* median, std::uint32_t* scratch);
+  // Writes gradient_floats(channel_count) floats a record at grads + slot·grad_stride (64-byte aligned):
+  // [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha (zeros if channels_only), then dL/dchannel.
+  // image_grad[c] and alpha_grad may be null: zeros.
+  void (*backward_tile)(const TileView& tile, const float* const* image, const float* alpha,
+                        const float* const* image_grad, const float* alpha_grad, bool channels_only, float* grads,
+                        int grad_stride);
+  // Rows of L_c, `pitch` floats long (a multiple of 16); x and y start kSsimRadius before the first pixel and are zero
+  // outside the row, up to pitch + 2·kSsimRadius. Writes five rows: x, y, x², y², xy under the window along the row.
+  void (*moments_row)(const float* x, const float* y, int pitch, float* out);
+  // rows: 2·kSsimRadius + 1 times five such rows. Sum of SSIM, and its gradient for the moments x, x² and xy.
+  float (*ssim_row)(const float* const* rows, int width, int pitch, float* grad_mean, float* grad_xx, float* grad_xy);
+  // The window along one row; padded as x above.
+  void (*maps_row)(const float* padded, int pitch, float* out);
+  // rows: 2·kSsimRadius + 1 times three rows, blurred gradients of the moments. The gradient of L_c at x, and the sums
+  // of |x − y| and of (clamp(x) − y)².
+  void (*photometric_row)(const float* const* rows, const float* x, const float* y, int width, int pitch,
+                          float scale_ssim, float scale_l1, float* grad, float* sums);
+  // Rows of L_d and L_dn; every array may be read up to the next multiple of 16 past `width`.
+  // depth = numerator / denominator where something was rendered, else NaN; sums: Σ |depth − prior| and how many.
+  void (*depth_row)(const float* numerator, const float* denominator, const float* alpha, const float* prior, int width,
+                    float* depth, float* sums);
+  void (*normal_row)(const NormalRow& row, int width, float* const* out, float* sums);
+  void (*depth_grad_row)(const DepthGradRow& row, int width, float* numerator_grad, float* denominator_grad);
+  // plane: rows of blended normals (3) and plane distance. Their fraction at rays (first_x + i·step_x, ray_y, 1).
+  void (*fraction_row)(const float* const* plane, float first_x, float step_x, float ray_y, int width,
+                       float* numerator, float* denominator);
+  void (*fraction_grad_row)(const float* numerator_grad, const float* denominator_grad, float first_x, float step_x,
+                            float ray_y, int width, float* const* plane_grad);
+  void (*adam_rows)(const AdamRows& rows, std::size_t count, const AdamStep& step);
 };
 
 constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5 pixels (Wang et al. 2004)

@@ -1,7 +1,8 @@
 #include "photometric.hpp"
 
-#include <cmath>
+#include <algorithm>
 #include <cstring>
+#include <utility>
 
 #include "lanes.hpp"
 #include "threads.hpp"
@@ -9,104 +10,102 @@
 namespace goc {
 namespace {
 
-constexpr int kMoments = 5;  // x, y, xx, yy, xy
-constexpr int kGradients = 3;
-constexpr std::size_t kRowGrain = 16;
+constexpr int kPlanes = 3, kMoments = 5, kMaps = 3, kTapCount = 2 * kSsimRadius + 1;
+constexpr int kStrip = 96;  // rows a task; each redoes 2·kSsimRadius rows of moments above and below its own
 
-// A thread's own rows.
-float* row_buffer(std::size_t floats) {
-  thread_local std::vector<float> buffer;
-  if (buffer.size() < floats) buffer.resize(floats);
-  return buffer.data();
-}
-
-// The 11 rows round `y` of the image at `base`, null outside it.
-void window(const float* base, int y, int height, int width, const float** rows) {
-  for (int k = 0; k <= 2 * kSsimRadius; ++k) {
-    const int at = y + k - kSsimRadius;
-    rows[k] = at >= 0 && at < height ? base + (std::size_t)at * width : nullptr;
+// One task's rows, small enough for a core's own cache: windows of kTapCount rows that move down the strip.
+class Strip {
+ public:
+  Strip(const float* x, const std::uint8_t* target, int height, int width)
+      : x_(x), target_(target), height_(height), width_(width), pitch_((width + 15) / 16 * 16) {
+    thread_local std::vector<float> buffer;
+    const std::size_t floats = (std::size_t)(pitch_ + 32) * 2 + (std::size_t)pitch_ * (kTapCount + 1) * (kMoments + kMaps) +
+                               (std::size_t)(pitch_ + 32) * kMaps + 4 * pitch_;
+    if (buffer.size() < floats) buffer.resize(floats);
+    std::fill(buffer.begin(), buffer.end(), 0.0f);
+    float* next = buffer.data();
+    const auto take = [&](std::size_t count) { return std::exchange(next, next + count); };
+    padded_x_ = take(pitch_ + 32), padded_y_ = take(pitch_ + 32), padded_map_ = take((std::size_t)(pitch_ + 32) * kMaps);
+    moments_ = take((std::size_t)pitch_ * kTapCount * kMoments), maps_ = take((std::size_t)pitch_ * kTapCount * kMaps);
+    zeros_ = take((std::size_t)pitch_ * (kMoments + kMaps)), grad_ = take(pitch_);
   }
-}
+
+  // Rows [begin, end): gradient and sums [Σ ssim, Σ |difference|, Σ squares].
+  void run(int plane, int begin, int end, float scale_ssim, float scale_l1, float* grad, double* sums) {
+    const Kernels& kernel = kernels();
+    const float* rows[kTapCount];
+    int moments_done = std::max(0, begin - 2 * kSsimRadius);
+    for (int map = std::max(0, begin - kSsimRadius); map < std::min(height_, end + kSsimRadius); ++map) {
+      for (; moments_done < std::min(height_, map + kSsimRadius + 1); ++moments_done) {
+        read_rows(plane, moments_done);
+        kernel.moments_row(padded_x_, padded_y_, pitch_, at(moments_, moments_done, kMoments));
+      }
+      window(moments_, kMoments, map, rows);
+      float* maps[kMaps];
+      for (int m = 0; m < kMaps; ++m) maps[m] = padded_map_ + (std::size_t)m * (pitch_ + 32) + kSsimRadius;
+      const float ssim = kernel.ssim_row(rows, width_, pitch_, maps[0], maps[1], maps[2]);
+      if (map >= begin && map < end) sums[0] += ssim;
+      for (int m = 0; m < kMaps; ++m)
+        kernel.maps_row(maps[m] - kSsimRadius, pitch_, at(maps_, map, kMaps) + (std::size_t)m * pitch_);
+      if (map - kSsimRadius >= begin) finish(plane, map - kSsimRadius, scale_ssim, scale_l1, grad, sums);
+    }
+    // At the image's lower edge the last windows hang over it.
+    for (int row = std::max(begin, std::min(height_, end + kSsimRadius) - kSsimRadius); row < end; ++row)
+      finish(plane, row, scale_ssim, scale_l1, grad, sums);
+  }
+
+ private:
+  float* at(float* ring, int row, int planes) { return ring + (std::size_t)(row % kTapCount) * planes * pitch_; }
+
+  void read_rows(int plane, int row) {
+    std::memcpy(padded_x_ + kSsimRadius, x_ + ((std::size_t)plane * height_ + row) * width_, width_ * sizeof(float));
+    const std::uint8_t* from = target_ + (std::size_t)row * width_ * kPlanes + plane;
+    for (int i = 0; i < width_; ++i) padded_y_[kSsimRadius + i] = from[i * kPlanes] * (1.0f / 255.0f);
+  }
+
+  // The rows round `row`, zeros outside the image.
+  void window(float* ring, int planes, int row, const float** rows) {
+    for (int k = 0; k < kTapCount; ++k) {
+      const int there = row + k - kSsimRadius;
+      rows[k] = there >= 0 && there < height_ ? at(ring, there, planes) : zeros_;
+    }
+  }
+
+  void finish(int plane, int row, float scale_ssim, float scale_l1, float* grad, double* sums) {
+    const float* rows[kTapCount];
+    window(maps_, kMaps, row, rows);
+    read_rows(plane, row);
+    float found[2];
+    kernels().photometric_row(rows, padded_x_ + kSsimRadius, padded_y_ + kSsimRadius, width_, pitch_, scale_ssim,
+                              scale_l1, grad_, found);
+    std::memcpy(grad + ((std::size_t)plane * height_ + row) * width_, grad_, width_ * sizeof(float));
+    sums[1] += found[0], sums[2] += found[1];
+  }
+
+  const float* x_;
+  const std::uint8_t* target_;
+  int height_, width_, pitch_;
+  float *padded_x_, *padded_y_, *padded_map_, *moments_, *maps_, *zeros_, *grad_;
+};
 
 }  // namespace
 
-double Photometric::operator()(const float* x, const float* y, int planes, int height, int width, float ssim_weight,
-                               float* grad) {
-  const std::size_t rows = (std::size_t)planes * height, plane = (std::size_t)height * width, size = plane * planes;
-  const Kernels& kernel = kernels();
-  rows_.resize(size * kMoments);
-  maps_.resize(size * kGradients);
-  sums_.assign(rows * 2, 0.0);
-  const auto moment = [&](int m) { return rows_.data() + m * size; };
-  const auto map = [&](int m) { return maps_.data() + m * size; };
-  // Each moment's rows.
-  parallel_for(rows, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    float* padded = row_buffer(width + 2 * kSsimRadius);
-    std::memset(padded, 0, (width + 2 * kSsimRadius) * sizeof(float));
-    float* middle = padded + kSsimRadius;
-    for (std::size_t r = begin; r < end; ++r) {
-      const float *a = x + r * width, *b = y + r * width;
-      for (int m = 0; m < kMoments; ++m) {
-        const float *left = m == 1 ? b : (m == 3 ? b : a), *right = m == 2 ? a : b;
-        if (m < 2) std::memcpy(middle, left, width * sizeof(float));
-        else
-          for (int i = 0; i < width; ++i) middle[i] = left[i] * right[i];
-        kernel.blur_row(padded, width, moment(m) + r * width);
-      }
-    }
-  });
-  // Each moment's columns, SSIM and its gradient maps.
-  parallel_for(rows, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    float* blurred = row_buffer((std::size_t)width * kMoments);
-    const float* taps[2 * kSsimRadius + 1];
-    for (std::size_t r = begin; r < end; ++r) {
-      const std::size_t p = r / height;
-      const int row = (int)(r % height);
-      for (int m = 0; m < kMoments; ++m) {
-        window(moment(m) + p * plane, row, height, width, taps);
-        kernel.blur_column(taps, width, blurred + (std::size_t)m * width);
-      }
-      const float* b = blurred;
-      sums_[r] = kernel.ssim_row(b, b + width, b + 2 * width, b + 3 * width, b + 4 * width, width,
-                                 map(0) + r * width, map(1) + r * width, map(2) + r * width);
-    }
-  });
-  // The window is symmetric, so its transpose is itself: blur the gradient maps, rows first.
-  parallel_for(rows, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    float* padded = row_buffer(width + 2 * kSsimRadius);
-    std::memset(padded, 0, (width + 2 * kSsimRadius) * sizeof(float));
-    for (std::size_t r = begin; r < end; ++r)
-      for (int m = 0; m < kGradients; ++m) {
-        std::memcpy(padded + kSsimRadius, map(m) + r * width, width * sizeof(float));
-        kernel.blur_row(padded, width, moment(m) + r * width);
-      }
-  });
+PhotometricLoss Photometric::operator()(const float* x, const std::uint8_t* target, int height, int width,
+                                        float ssim_weight, float* grad) {
+  const int strips = (height + kStrip - 1) / kStrip;
+  const double size = (double)kPlanes * height * width;
   const float scale_ssim = -ssim_weight / (float)size, scale_l1 = (1.0f - ssim_weight) / (float)size;
-  parallel_for(rows, kRowGrain, [&](std::size_t begin, std::size_t end) {
-    float* blurred = row_buffer((std::size_t)width * kGradients);
-    const float* taps[2 * kSsimRadius + 1];
-    for (std::size_t r = begin; r < end; ++r) {
-      const std::size_t p = r / height;
-      for (int m = 0; m < kGradients; ++m) {
-        window(moment(m) + p * plane, (int)(r % height), height, width, taps);
-        kernel.blur_column(taps, width, blurred + (std::size_t)m * width);
-      }
-      const float *a = x + r * width, *b = y + r * width;
-      const float *d_mean = blurred, *d_xx = d_mean + width, *d_xy = d_xx + width;
-      float* out = grad + r * width;
-      double distance = 0.0;
-      for (int i = 0; i < width; ++i) {
-        const float difference = a[i] - b[i];
-        const float sign = difference > 0 ? 1.0f : (difference < 0 ? -1.0f : 0.0f);
-        out[i] = scale_ssim * (d_mean[i] + 2.0f * a[i] * d_xx[i] + b[i] * d_xy[i]) + scale_l1 * sign;
-        distance += std::fabs(difference);
-      }
-      sums_[rows + r] = distance;
+  sums_.assign((std::size_t)strips * kPlanes * 3, 0.0);
+  parallel_for((std::size_t)strips * kPlanes, 1, [&](std::size_t begin, std::size_t end) {
+    for (std::size_t task = begin; task < end; ++task) {
+      const int plane = (int)(task / strips), first = (int)(task % strips) * kStrip;
+      Strip(x, target, height, width)
+          .run(plane, first, std::min(height, first + kStrip), scale_ssim, scale_l1, grad, sums_.data() + task * 3);
     }
   });
-  double ssim = 0.0, distance = 0.0;
-  for (std::size_t r = 0; r < rows; ++r) ssim += sums_[r], distance += sums_[rows + r];
-  return (1.0 - ssim_weight) * distance / (double)size + ssim_weight * (1.0 - ssim / (double)size);
+  double sum[3] = {};
+  for (std::size_t k = 0; k < sums_.size(); ++k) sum[k % 3] += sums_[k];
+  return {(1.0 - ssim_weight) * sum[1] / size + ssim_weight * (1.0 - sum[0] / size), sum[2] / size};
 }
 
 }  // namespace goc

@@ -1,17 +1,23 @@
-// L_c of 3D Gaussian Splatting: (1 − λ)·L1 + λ·(1 − SSIM), with its gradient, in one call.
+// L_c of 3D Gaussian Splatting: (1 − λ)·L1 + λ·(1 − SSIM), with its gradient, in one pass over the image.
 #pragma once
+#include <cstdint>
 #include <vector>
 
 namespace goc {
 
-// Keeps its workspace between calls: a training step allocates nothing.
+struct PhotometricLoss {
+  double loss;          // means over planes and pixels
+  double square_error;  // mean, of x clamped to [0, 1]
+};
+
+// Keeps its workspace between calls.
 class Photometric {
  public:
-  // x, y and grad are (planes, height, width); grad = d loss / d x. Returns the loss (means over planes and pixels).
-  double operator()(const float* x, const float* y, int planes, int height, int width, float ssim_weight, float* grad);
+  // x and grad are (3, height, width), target (height, width, 3) of 0…255; grad = d loss / d x.
+  PhotometricLoss operator()(const float* x, const std::uint8_t* target, int height, int width, float ssim_weight,
+                             float* grad);
 
  private:
-  std::vector<float> rows_, maps_;
   std::vector<double> sums_;
 };
 

@@ -2,25 +2,12 @@
 #include <algorithm>
 #include <cmath>
 
-#include "raster.hpp"
+#include "project.hpp"
 
 namespace goc {
 namespace {
 
 constexpr float kLog2E = 1.4426950408889634f;
-
-// How a splat is seen: V = cam_from_splat axes · scales, J the Jacobian of the projection, P = J V.
-struct Seen {
-  float t[3];              // centre, camera axes
-  float rotation[9];       // world from splat
-  float scale[3];
-  float v[9];              // 3×3, row-major
-  float j00, j02, j11, j12;
-  bool clamped_x, clamped_y;
-  float p[6];              // 2×3
-  float opacity;
-  float xx, xy, yy;        // covariance on the image plane, px²
-};
 
 void rotation_of(const float q_in[4], float r[9]) {
   const float norm = 1.0f / std::sqrt(q_in[0] * q_in[0] + q_in[1] * q_in[1] + q_in[2] * q_in[2] + q_in[3] * q_in[3]);
@@ -29,6 +16,8 @@ void rotation_of(const float q_in[4], float r[9]) {
   r[3] = 2 * (x * y + w * z), r[4] = 1 - 2 * (x * x + z * z), r[5] = 2 * (y * z - w * x);
   r[6] = 2 * (x * z - w * y), r[7] = 2 * (y * z + w * x), r[8] = 1 - 2 * (x * x + y * y);
 }
+
+}  // namespace
 
 bool see(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, Seen& s) {
   const float* m = splats.means + 3 * i;
@@ -67,11 +56,7 @@ bool see(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, S
   return s.xx * s.yy - s.xy * s.xy > 0;
 }
 
-}  // namespace
-
-bool project(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, Splat2D& out, float reach[2]) {
-  Seen s;
-  if (!see(splats, i, camera, s)) return false;
+bool project(const Seen& s, const RasterCamera& camera, Splat2D& out, float reach[2]) {
   const float inverse_det = 1.0f / (s.xx * s.yy - s.xy * s.xy);
   out.x = camera.fx * s.t[0] / s.t[2] + camera.cx;
   out.y = camera.fy * s.t[1] / s.t[2] + camera.cy;
@@ -104,10 +89,8 @@ void rotation_backward(const float q_in[4], const float g[9], float out[4]) {
 
 }  // namespace
 
-void project_backward(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, const Splat2D& projected,
-                      const float grad[6], const SplatGradients& out) {
-  Seen s;
-  see(splats, i, camera, s);
+void project_backward(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, const Seen& s,
+                      const Splat2D& projected, const float grad[6], const Pull& pull, const SplatGradients& out) {
   // log2_alpha = log2_opacity − a dx² − b dx dy − c dy²
   const float gx = 2 * projected.a * grad[1] + projected.b * grad[2];
   const float gy = projected.b * grad[1] + 2 * projected.c * grad[2];
@@ -140,7 +123,7 @@ void project_backward(const SplatArrays& splats, std::size_t i, const RasterCame
     for (int column = 0; column < 3; ++column) {
       const float gm = camera.view[row] * gv[column] + camera.view[4 + row] * gv[3 + column] +
                        camera.view[8 + row] * gv[6 + column];
-      gr[3 * row + column] = gm * s.scale[column];
+      gr[3 * row + column] = gm * s.scale[column] + pull.rotation[3 * row + column];
       scale_grad[column] += gm * s.rotation[3 * row + column] * s.scale[column];
     }
   rotation_backward(splats.quats + 4 * i, gr, out.quats + 4 * i);
@@ -152,6 +135,7 @@ void project_backward(const SplatArrays& splats, std::size_t i, const RasterCame
   gt[2] = -(gx * camera.fx * s.t[0] + gy * camera.fy * s.t[1]) * inverse_z * inverse_z -
           (j00 * s.j00 + j11 * s.j11) * inverse_z - j02 * s.j02 * inverse_z * (s.clamped_x ? 1 : 2) -
           j12 * s.j12 * inverse_z * (s.clamped_y ? 1 : 2);
+  for (int k = 0; k < 3; ++k) gt[k] += pull.centre[k];
   for (int k = 0; k < 3; ++k)
     out.means[3 * i + k] = camera.view[k] * gt[0] + camera.view[4 + k] * gt[1] + camera.view[8 + k] * gt[2];
 }

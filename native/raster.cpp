@@ -5,61 +5,84 @@
 #include <cmath>
 #include <cstring>
 
+#include "project.hpp"
 #include "threads.hpp"
 
 namespace goc {
 namespace {
 
-constexpr std::uint32_t kNoRecord = 0xffffffffu;
 constexpr std::size_t kSplatGrain = 1024;
-constexpr int kGeometry = 6;
-
-int padded(int channels) {
-  if (channels <= 8) return channels;
-  if (channels <= 12) return 12;
-  if (channels <= 16) return 16;
-  return channels <= 24 ? 24 : kMaxChannels;
-}
+constexpr std::size_t kAhead = 8;  // iterations between asking for a cache line and using it
 
 // A thread's own workspace; grows to the largest tile and stays.
-float* scratch(std::size_t floats) {
-  thread_local std::vector<float> buffer;
-  if (buffer.size() < floats) buffer.resize(floats + floats / 2);
+std::uint32_t* scratch(std::size_t count) {
+  thread_local std::vector<std::uint32_t> buffer;
+  if (buffer.size() < count) buffer.resize(count + count / 2);
   return buffer.data();
 }
 
+Splat2D& splat_of(float* rows, int stride, std::size_t i) { return *reinterpret_cast<Splat2D*>(rows + i * stride); }
+
 }  // namespace
 
-void Raster::project_all(const SplatArrays& splats) {
-  splats_.resize(splats.size);
-  boxes_.resize(splats.size);
-  parallel_for(splats.size, kSplatGrain, [&](std::size_t begin, std::size_t end) {
+float* Lines::resized(std::size_t floats) {
+  constexpr std::size_t kLine = 16;
+  if (floats_.size() < floats + kLine) floats_ = std::vector<float>(floats + floats / 8 + kLine);
+  const auto address = reinterpret_cast<std::uintptr_t>(floats_.data());
+  return floats_.data() + (64 - address % 64) % 64 / sizeof(float);
+}
+
+int Raster::channels_of(int pass) const { return std::min(channel_count_ - pass * kMaxChannels, kMaxChannels); }
+
+// Rows and touched tiles of all splats, in the order in which they are stored: neighbours there tend to be neighbours
+// in space.
+void Raster::project_all(const SplatArrays& splats, const Channels& channels) {
+  size_ = splats.size;
+  ranges_.resize(size_);
+  const std::size_t chunks = (size_ + kSplatGrain - 1) / kSplatGrain;
+  touches_.resize(chunks);
+  const auto touched_blocks = kernels().touched_blocks;
+  parallel_for(size_, kSplatGrain, [&](std::size_t begin, std::size_t end) {
+    auto& touches = touches_[begin / kSplatGrain];
+    touches.clear();
     for (std::size_t i = begin; i < end; ++i) {
-      boxes_[i] = {0, 0, 0, 0};
+      ranges_[i] = {(std::uint32_t)touches.size(), 0};
+      Seen seen;
       float reach[2];
-      Splat2D& s = splats_[i];
-      if (!project(splats, i, camera_, s, reach)) continue;
+      Splat2D& s = splat_of(rows_, row_stride_, i);
+      if (!see(splats, i, camera_, seen) || !project(seen, camera_, s, reach)) continue;
       // Tiles whose pixel centres can lie within reach.
-      const auto tiles = [](float from, float to, int count, std::int16_t& first, std::int16_t& last) {
+      const auto tiles = [](float from, float to, int count, int& first, int& last) {
         const float inverse = 1.0f / kTile;
-        first = (std::int16_t)std::clamp(std::floor((from - 0.5f) * inverse), 0.0f, (float)count);
-        last = (std::int16_t)std::clamp(std::floor((to - 0.5f) * inverse) + 1.0f, 0.0f, (float)count);
+        first = (int)std::clamp(std::floor((from - 0.5f) * inverse), 0.0f, (float)count);
+        last = (int)std::clamp(std::floor((to - 0.5f) * inverse) + 1.0f, 0.0f, (float)count);
       };
-      Box box;
-      tiles(s.x - reach[0], s.x + reach[0], tiles_x_, box.x0, box.x1);
-      tiles(s.y - reach[1], s.y + reach[1], tiles_y_, box.y0, box.y1);
-      if (box.x0 < box.x1 && box.y0 < box.y1) boxes_[i] = box;
+      int x0, x1, y0, y1;
+      tiles(s.x - reach[0], s.x + reach[0], tiles_x_, x0, x1);
+      tiles(s.y - reach[1], s.y + reach[1], tiles_y_, y0, y1);
+      for (int y = y0; y < y1; ++y)
+        for (int x = x0; x < x1; ++x)
+          if (const std::uint16_t mask = touched_blocks(s, (float)(x * kTile), (float)(y * kTile)))
+            touches.push_back({(std::uint16_t)x, (std::uint16_t)y, mask});
+      ranges_[i].count = (std::uint32_t)touches.size() - ranges_[i].begin;
+      if (!ranges_[i].count) continue;
+      float* row = rows_ + i * row_stride_ + kPacked;
+      fill_channels(channels, splats, i, camera_, seen, row);
+      for (int c = channel_count_; c < row_stride_ - kPacked; ++c) row[c] = 0.0f;
     }
   });
+  chunk_begin_.resize(chunks + 1);
+  chunk_begin_[0] = 0;
+  for (std::size_t k = 0; k < chunks; ++k) chunk_begin_[k + 1] = chunk_begin_[k] + (std::uint32_t)touches_[k].size();
 }
 
 // Stable radix sort of the visible splats by the bits of their (positive) depth.
 void Raster::sort_by_depth() {
   keys_.clear();
-  for (std::size_t i = 0; i < boxes_.size(); ++i) {
-    if (boxes_[i].x0 >= boxes_[i].x1) continue;
+  for (std::size_t i = 0; i < size_; ++i) {
+    if (!ranges_[i].count) continue;
     std::uint32_t bits;
-    std::memcpy(&bits, &splats_[i].depth, sizeof bits);
+    std::memcpy(&bits, &splat_of(rows_, row_stride_, i).depth, sizeof bits);
     keys_.push_back((std::uint64_t)bits << 32 | i);
   }
   keys_scratch_.resize(keys_.size());
@@ -76,31 +99,29 @@ void Raster::sort_by_depth() {
 
 void Raster::bin() {
   const std::size_t visible = by_depth_.size(), tiles = (std::size_t)tiles_x_ * tiles_y_;
-  candidate_begin_.resize(visible + 1);
-  candidate_begin_[0] = 0;
-  for (std::size_t k = 0; k < visible; ++k) {
-    const Box& box = boxes_[by_depth_[k]];
-    candidate_begin_[k + 1] = candidate_begin_[k] + (std::size_t)(box.x1 - box.x0) * (box.y1 - box.y0);
-  }
-  candidates_.resize(candidate_begin_[visible]);
   // Each chunk of splats counts its records a tile; a prefix sum over (tile, chunk) then gives every chunk its own
   // places in each tile's list, in depth order, whatever the number of threads.
-  const std::size_t grain = std::max(kSplatGrain, (visible + 15) / 16);
+  const std::size_t grain = std::max(kSplatGrain, (visible + 7) / 8);
   const std::size_t chunks = (visible + grain - 1) / grain;
   histogram_.assign(chunks * tiles, 0);
-  const auto touched_blocks = kernels().touched_blocks;
+  const auto each = [&](std::size_t begin, std::size_t end, auto&& body) {
+    for (std::size_t k = begin; k < end; ++k) {
+      if (k + 2 * kAhead < end) __builtin_prefetch(&ranges_[by_depth_[k + 2 * kAhead]]);
+      if (k + kAhead < end) {
+        const std::uint32_t next = by_depth_[k + kAhead];
+        __builtin_prefetch(&touches_[next / kSplatGrain][ranges_[next].begin]);
+      }
+      const std::uint32_t i = by_depth_[k];
+      const Range range = ranges_[i];
+      const Touch* touch = touches_[i / kSplatGrain].data() + range.begin;
+      const std::uint32_t slot = chunk_begin_[i / kSplatGrain] + range.begin;
+      for (std::uint32_t j = 0; j < range.count; ++j)
+        body((std::size_t)touch[j].y * tiles_x_ + touch[j].x, i, touch[j].mask, slot + j);
+    }
+  };
   parallel_for(visible, grain, [&](std::size_t begin, std::size_t end) {
     std::uint32_t* count = histogram_.data() + begin / grain * tiles;
-    for (std::size_t k = begin; k < end; ++k) {
-      const Splat2D& s = splats_[by_depth_[k]];
-      const Box& box = boxes_[by_depth_[k]];
-      Candidate* candidate = candidates_.data() + candidate_begin_[k];
-      for (int y = box.y0; y < box.y1; ++y)
-        for (int x = box.x0; x < box.x1; ++x, ++candidate) {
-          candidate->mask = touched_blocks(s, (float)(x * kTile), (float)(y * kTile));
-          count[(std::size_t)y * tiles_x_ + x] += candidate->mask != 0;
-        }
-    }
+    each(begin, end, [&](std::size_t tile, std::uint32_t, std::uint16_t, std::uint32_t) { ++count[tile]; });
   });
   tile_begin_.resize(tiles + 1);
   std::uint32_t total = 0;
@@ -113,116 +134,122 @@ void Raster::bin() {
     }
   }
   tile_begin_[tiles] = total;
-  order_.resize(total);
-  masks_.resize(total);
+  order_.resize(total), masks_.resize(total), slots_.resize(total);
   parallel_for(visible, grain, [&](std::size_t begin, std::size_t end) {
     std::uint32_t* next = histogram_.data() + begin / grain * tiles;
-    for (std::size_t k = begin; k < end; ++k) {
-      const Box& box = boxes_[by_depth_[k]];
-      Candidate* candidate = candidates_.data() + candidate_begin_[k];
-      for (int y = box.y0; y < box.y1; ++y)
-        for (int x = box.x0; x < box.x1; ++x, ++candidate) {
-          candidate->record = kNoRecord;
-          if (!candidate->mask) continue;
-          candidate->record = next[(std::size_t)y * tiles_x_ + x]++;
-          order_[candidate->record] = by_depth_[k];
-          masks_[candidate->record] = candidate->mask;
-        }
-    }
+    each(begin, end, [&](std::size_t tile, std::uint32_t splat, std::uint16_t mask, std::uint32_t slot) {
+      const std::uint32_t record = next[tile]++;
+      order_[record] = splat, masks_[record] = mask, slots_[record] = slot;
+    });
   });
 }
 
-TileView Raster::tile(std::size_t index, const float* channels, int first_channel) const {
+TileView Raster::tile(std::size_t index, int pass) const {
   const std::uint32_t begin = tile_begin_[index];
   TileView view;
-  view.splats = splats_.data();
+  view.rows = rows_;
+  view.row_stride = row_stride_;
   view.order = order_.data() + begin;
   view.masks = masks_.data() + begin;
+  view.slots = slots_.data() + begin;
   view.count = (int)(tile_begin_[index + 1] - begin);
   view.x0 = (int)(index % tiles_x_) * kTile;
   view.y0 = (int)(index / tiles_x_) * kTile;
   view.width = camera_.width;
   view.height = camera_.height;
-  view.channels = channels + first_channel;
-  view.channel_stride = channel_count_;
-  view.channel_count = std::min(channel_count_ - first_channel, kMaxChannels);
-  view.channel_offset = first_channel;
+  view.channel_offset = pass * kMaxChannels;
+  view.channel_count = channels_of(pass);
   return view;
 }
 
-void Raster::forward(const SplatArrays& splats, const float* channels, int channel_count, const RasterCamera& camera,
-                     float* image, float* alpha) {
+void Raster::forward(const SplatArrays& splats, const Channels& channels, const RasterCamera& camera,
+                     float* const* image, float* alpha) {
   camera_ = camera;
-  channel_count_ = channel_count;
+  channel_count_ = channels.count();
   tiles_x_ = (camera.width + kTile - 1) / kTile;
   tiles_y_ = (camera.height + kTile - 1) / kTile;
-  project_all(splats);
+  // Whole cache lines: with up to eight channels a splat is one.
+  row_stride_ = (kPacked + (passes() - 1) * kMaxChannels + padded_channels(channels_of(passes() - 1)) + 15) / 16 * 16;
+  rows_ = rows_lines_.resized(splats.size * row_stride_);
+  project_all(splats, channels);
   sort_by_depth();
   bin();
-  const std::size_t plane = (std::size_t)camera.width * camera.height;
   parallel_for((std::size_t)tiles_x_ * tiles_y_, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t)
-      for (int first = 0; first < channel_count_; first += kMaxChannels) {
-        const TileView view = tile(t, channels, first);
-        const std::size_t floats = (std::size_t)view.count * (8 + padded(view.channel_count) + 16);
-        kernels().forward_tile(view, image + first * plane, alpha, scratch(floats));
+      for (int pass = 0; pass < passes(); ++pass) {
+        const TileView view = tile(t, pass);
+        kernels().forward_tile(view, image + view.channel_offset, alpha, scratch((std::size_t)view.count * 16));
       }
   });
 }
 
-void Raster::backward(const SplatArrays& splats, const float* channels, const float* image, const float* alpha,
-                      const float* image_grad, const float* alpha_grad, const SplatGradients* out,
-                      float* channels_grad) {
-  const int stride = kGeometry + channel_count_;
-  const std::size_t plane = (std::size_t)camera_.width * camera_.height;
-  grads_.resize(order_.size() * stride);
+void Raster::backward(const SplatArrays& splats, const Channels& channels, const float* const* image,
+                      const float* alpha, const float* const* image_grad, const float* alpha_grad,
+                      const SplatGradients* out, const ChannelGradients& channels_out) {
+  const int whole = gradient_floats(kMaxChannels), last = gradient_floats(channels_of(passes() - 1));
+  const int stride = (passes() - 1) * whole + last;
+  float* grads = grads_lines_.resized(order_.size() * stride);
   parallel_for((std::size_t)tiles_x_ * tiles_y_, 1, [&](std::size_t begin, std::size_t end) {
-    for (std::size_t t = begin; t < end; ++t) {
-      float* grads = grads_.data() + (std::size_t)tile_begin_[t] * stride;
-      std::memset(grads, 0, (std::size_t)(tile_begin_[t + 1] - tile_begin_[t]) * stride * sizeof(float));
-      for (int first = 0; first < channel_count_; first += kMaxChannels) {
-        const TileView view = tile(t, channels, first);
-        const std::size_t floats = (std::size_t)view.count * (8 + padded(view.channel_count));
-        kernels().backward_tile(view, image + first * plane, alpha, image_grad + first * plane,
-                                first == 0 ? alpha_grad : nullptr, out == nullptr, grads, stride, scratch(floats));
+    for (std::size_t t = begin; t < end; ++t)
+      for (int pass = 0; pass < passes(); ++pass) {
+        const TileView view = tile(t, pass);
+        kernels().backward_tile(view, image + view.channel_offset, alpha, image_grad + view.channel_offset,
+                                pass == 0 ? alpha_grad : nullptr, out == nullptr, grads + pass * whole, stride);
       }
-    }
   });
-  // A splat's gradient is the sum over its records, in the order in which it was binned. Splats are taken as they are
-  // stored: neighbours in memory tend to be neighbours in space, and then share tiles and cache lines.
-  rank_.assign(splats.size, kNoRecord);
-  for (std::size_t k = 0; k < by_depth_.size(); ++k) rank_[by_depth_[k]] = (std::uint32_t)k;
-  parallel_for(splats.size, kSplatGrain / 4, [&](std::size_t begin, std::size_t end) {
-    float* sum = scratch(stride);
+  // A splat's gradient is the sum over its records, which lie together.
+  parallel_for(size_, kSplatGrain, [&](std::size_t begin, std::size_t end) {
+    std::vector<float> sum(stride), channel(channel_count_);
     for (std::size_t i = begin; i < end; ++i) {
-      const std::uint32_t k = rank_[i];
-      if (k == kNoRecord) continue;
-      std::fill(sum, sum + stride, 0.0f);
-      for (std::size_t c = candidate_begin_[k]; c < candidate_begin_[k + 1]; ++c) {
-        if (candidates_[c].record == kNoRecord) continue;
-        const float* from = grads_.data() + (std::size_t)candidates_[c].record * stride;
-        for (int j = 0; j < stride; ++j) sum[j] += from[j];
+      std::fill(sum.begin(), sum.end(), 0.0f);
+      const float* from = grads + (std::size_t)(chunk_begin_[i / kSplatGrain] + ranges_[i].begin) * stride;
+      for (std::uint32_t j = 0; j < ranges_[i].count; ++j, from += stride)
+        for (int k = 0; k < stride; ++k) sum[k] += from[k];
+      float geometry[kGeometry] = {};
+      for (int pass = 0; pass < passes(); ++pass) {
+        for (int k = 0; k < kGeometry; ++k) geometry[k] += sum[pass * whole + k];
+        std::copy_n(sum.data() + pass * whole + kGeometry, channels_of(pass), channel.data() + pass * kMaxChannels);
       }
-      std::copy(sum + kGeometry, sum + stride, channels_grad + i * channel_count_);
-      if (out) project_backward(splats, i, camera_, splats_[i], sum, *out);
+      splat_backward(splats, channels, i, geometry, channel.data(), out, channels_out);
     }
   });
+}
+
+// The gradient of splat i from those of its projection and of its channels.
+void Raster::splat_backward(const SplatArrays& splats, const Channels& channels, std::size_t i,
+                            const float* geometry_grad, const float* channel_grad, const SplatGradients* out,
+                            const ChannelGradients& channels_out) {
+  if (!ranges_[i].count) {
+    if (channels_out.sh) std::fill_n(channels_out.sh + i * 3 * channels.harmonics, 3 * channels.harmonics, 0.0f);
+    if (channels_out.features)
+      std::fill_n(channels_out.features + i * channels.feature_count, channels.feature_count, 0.0f);
+    if (!out) return;
+    std::fill_n(out->means + 3 * i, 3, 0.0f), std::fill_n(out->quats + 4 * i, 4, 0.0f);
+    std::fill_n(out->log_scales + 3 * i, 3, 0.0f), out->opacity_logits[i] = 0.0f;
+    return;
+  }
+  Seen seen{};
+  Pull pull{};
+  if (out || channels.sh) see(splats, i, camera_, seen);
+  const float* row = rows_ + i * row_stride_;
+  channels_backward(channels, splats, i, camera_, seen, row + kPacked, channel_grad, channels_out, pull);
+  if (out)
+    project_backward(splats, i, camera_, seen, *reinterpret_cast<const Splat2D*>(row), geometry_grad, pull, *out);
 }
 
 void Raster::median(std::int32_t* out) const {
   std::vector<float> found((std::size_t)camera_.width * camera_.height);
   parallel_for((std::size_t)tiles_x_ * tiles_y_, 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t t = begin; t < end; ++t) {
-      const TileView view = tile(t, nullptr, 0);
-      kernels().median_tile(view, found.data(), scratch((std::size_t)view.count * (8 + 16)));
+      const TileView view = tile(t, 0);
+      kernels().median_tile(view, found.data(), scratch((std::size_t)view.count * 16));
     }
   });
   for (std::size_t i = 0; i < found.size(); ++i) out[i] = (std::int32_t)found[i];
 }
 
 void Raster::visible(std::uint8_t* out) const {
-  std::fill(out, out + boxes_.size(), (std::uint8_t)0);
-  for (const auto i : by_depth_) out[i] = 1;
+  for (std::size_t i = 0; i < size_; ++i) out[i] = ranges_[i].count != 0;
 }
 
 }  // namespace goc

@@ -26,55 +26,81 @@ struct SplatGradients {
 constexpr float kNear = 0.01f;      // as gsplat
 constexpr float kDilation = 0.3f;   // px², the low-pass filter of 3D Gaussian Splatting (gsplat's eps2d)
 
-// Splat → image plane (Zwicker et al. 2001). False when the splat cannot reach alpha 1/255 in front of the camera.
-// reach: half-width and half-height of the smallest box round {alpha ≥ 1/255}, pixels.
-bool project(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, Splat2D& out, float reach[2]);
+// What is blended: of a training view (sh given) colour by spherical harmonics (3), then the splats' planes (camera-axes
+// normal towards the camera, plane distance: 4) or the z of their centres (1); then features as given.
+struct Channels {
+  const float* sh = nullptr;  // (n, harmonics, 3)
+  int harmonics = 0;
+  bool planes = false;
+  const float* features = nullptr;  // (n, feature_count)
+  int feature_count = 0;
+  float eye[3] = {};  // of the camera, world
 
-// grad: [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] of lanes.hpp. Writes row i of every array in `out`.
-void project_backward(const SplatArrays& splats, std::size_t i, const RasterCamera& camera, const Splat2D& projected,
-                      const float grad[6], const SplatGradients& out);
+  int count() const { return (sh ? (planes ? 7 : 4) : 0) + feature_count; }
+};
+struct ChannelGradients {
+  float *sh, *features;
+};
+
+// A vector of floats that starts on a cache line and grows without keeping its contents.
+class Lines {
+ public:
+  float* resized(std::size_t floats);
+
+ private:
+  std::vector<float> floats_;
+};
 
 // One rendered view: what backward needs to know of forward. Buffers keep their capacity between uses.
 class Raster {
  public:
-  // Fills image (channels, height, width) and alpha (height, width).
-  void forward(const SplatArrays& splats, const float* channels, int channel_count, const RasterCamera& camera,
-               float* image, float* alpha);
-  // Gradients with respect to the splats (null `out` when only channels are wanted) and to channels (n, channel_count).
-  void backward(const SplatArrays& splats, const float* channels, const float* image, const float* alpha,
-                const float* image_grad, const float* alpha_grad, const SplatGradients* out, float* channels_grad);
+  // Fills image[c] (height, width) for every channel, and alpha (height, width).
+  void forward(const SplatArrays& splats, const Channels& channels, const RasterCamera& camera, float* const* image,
+               float* alpha);
+  // Gradients with respect to the splats (null `out` when only channels are wanted) and the channels. Every row is
+  // written, with zeros where a splat is not in view. image_grad[c] and alpha_grad may be null: zeros.
+  void backward(const SplatArrays& splats, const Channels& channels, const float* const* image, const float* alpha,
+                const float* const* image_grad, const float* alpha_grad, const SplatGradients* out,
+                const ChannelGradients& channels_out);
   // The splat at which each pixel (height, width) of the last forward turns half opaque; -1 where none does.
   void median(std::int32_t* out) const;
   // Splats that touch some tile of the view.
   void visible(std::uint8_t* out) const;
   std::size_t records() const { return order_.size(); }
+  const RasterCamera& camera() const { return camera_; }
   int width() const { return camera_.width; }
   int height() const { return camera_.height; }
 
  private:
-  struct Candidate {       // a (splat, tile) pair of the splat's bounding box
-    std::uint32_t record;  // its place in the tile's list, kNoRecord if the ellipse misses the tile
-    std::uint16_t mask;
+  struct Touch {  // a tile that a splat reaches
+    std::uint16_t x, y, mask;
   };
-  void project_all(const SplatArrays& splats);
+  struct Range {  // of a splat's touches
+    std::uint32_t begin, count;
+  };
+  void project_all(const SplatArrays& splats, const Channels& channels);
   void sort_by_depth();
   void bin();
-  TileView tile(std::size_t index, const float* channels, int first_channel) const;
+  TileView tile(std::size_t index, int pass) const;
+  void splat_backward(const SplatArrays& splats, const Channels& channels, std::size_t i, const float* geometry_grad,
+                      const float* channel_grad, const SplatGradients* out, const ChannelGradients& channels_out);
+  int passes() const { return (channel_count_ + kMaxChannels - 1) / kMaxChannels; }
+  int channels_of(int pass) const;
 
   RasterCamera camera_{};
-  int channel_count_ = 0, tiles_x_ = 0, tiles_y_ = 0;
-  std::vector<Splat2D> splats_;
-  struct Box { std::int16_t x0, y0, x1, y1; };  // tiles, end excluded; empty when the splat is not visible
-  std::vector<Box> boxes_;
-  std::vector<std::uint32_t> by_depth_;  // visible splats, near to far
-  std::vector<std::uint32_t> rank_;      // of each splat in by_depth_
+  int channel_count_ = 0, tiles_x_ = 0, tiles_y_ = 0, row_stride_ = 0;
+  std::size_t size_ = 0;
+  Lines rows_lines_, grads_lines_;
+  float* rows_ = nullptr;                     // a splat: Splat2D, channels
+  std::vector<std::vector<Touch>> touches_;   // of each chunk of splats
+  std::vector<std::uint32_t> chunk_begin_;    // first record of each chunk
+  std::vector<Range> ranges_;                 // of each splat in its chunk's touches
+  std::vector<std::uint32_t> by_depth_;       // visible splats, near to far
   std::vector<std::uint64_t> keys_, keys_scratch_;
-  std::vector<std::size_t> candidate_begin_;            // of by_depth_[k]
-  std::vector<Candidate> candidates_;
   std::vector<std::uint32_t> tile_begin_, histogram_;
-  std::vector<std::uint32_t> order_;                    // records: splat, grouped by tile, near to far
+  // Records, grouped by tile, near to far: splat, blocks, and where the gradient goes (all records of a splat together).
+  std::vector<std::uint32_t> order_, slots_;
   std::vector<std::uint16_t> masks_;
-  std::vector<float> grads_;
 };
 
 }  // namespace goc

@@ -5,14 +5,23 @@
 namespace goc::GOC_ISA {
 
 std::uint16_t touched_blocks(const Splat2D& splat, float tile_x, float tile_y);
-void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch);
-void median_tile(const TileView& tile, float* median, float* scratch);
-void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch);
-void blur_row(const float* padded, int width, float* out);
-void blur_column(const float* const* rows, int width, float* out);
-double ssim_row(const float* mean_x, const float* mean_y, const float* xx, const float* yy, const float* xy, int width,
-                float* grad_mean, float* grad_xx, float* grad_xy);
-void adam_run(float* x, const float* g, float* m, float* v, std::size_t count, const AdamStep& step);
+void forward_tile(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);
+void median_tile(const TileView& tile, float* median, std::uint32_t* scratch);
+void backward_tile(const TileView& tile, const float* const* image, const float* alpha, const float* const* image_grad,
+                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride);
+void moments_row(const float* x, const float* y, int pitch, float* out);
+float ssim_row(const float* const* rows, int width, int pitch, float* grad_mean, float* grad_xx, float* grad_xy);
+void maps_row(const float* padded, int pitch, float* out);
+void photometric_row(const float* const* rows, const float* x, const float* y, int width, int pitch, float scale_ssim,
+                     float scale_l1, float* grad, float* sums);
+void depth_row(const float* numerator, const float* denominator, const float* alpha, const float* prior, int width,
+               float* depth, float* sums);
+void normal_row(const NormalRow& row, int width, float* const* out, float* sums);
+void depth_grad_row(const DepthGradRow& row, int width, float* numerator_grad, float* denominator_grad);
+void fraction_row(const float* const* plane, float first_x, float step_x, float ray_y, int width, float* numerator,
+                  float* denominator);
+void fraction_grad_row(const float* numerator_grad, const float* denominator_grad, float first_x, float step_x,
+                       float ray_y, int width, float* const* plane_grad);
+void adam_rows(const AdamRows& rows, std::size_t count, const AdamStep& step);
 
 }  // namespace goc::GOC_ISA

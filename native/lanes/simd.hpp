@@ -26,6 +26,8 @@ constexpr int kParts = 16 / kWidth;
 typedef float Part __attribute__((vector_size(kWidth * 4)));
 typedef std::int32_t IntPart __attribute__((vector_size(kWidth * 4)));
 
+alignas(64) static const float kIota[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+
 struct Lanes {
   Part part[kParts];
 };
@@ -69,6 +71,7 @@ GOC_INLINE Lanes operator*(Lanes a, float b) { GOC_EACH(a.part[p] *= b) return a
 GOC_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b.part[p] + c.part[p]) return c; }
 GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b + c.part[p]) return c; }
 
+GOC_INLINE Mask operator==(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
 GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
 GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
 GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
@@ -82,6 +85,21 @@ GOC_INLINE Lanes keep(Mask m, Lanes x) { return select(m, x, splat(0.0f)); }
 
 GOC_INLINE Lanes min(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] < b.part[p] ? a.part[p] : b.part[p]) return a; }
 GOC_INLINE Lanes max(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] > b.part[p] ? a.part[p] : b.part[p]) return a; }
+
+GOC_INLINE Part part_sqrt(Part x) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_sqrt_ps(0xffff, x);  // _mm512_sqrt_ps warns in GCC 12
+#elif defined(__AVX__)
+  return _mm256_sqrt_ps(x);
+#elif defined(__x86_64__)
+  return _mm_sqrt_ps(x);
+#elif defined(__aarch64__)
+  return vsqrtq_f32(x);
+#else
+  return Part{__builtin_sqrtf(x[0]), __builtin_sqrtf(x[1]), __builtin_sqrtf(x[2]), __builtin_sqrtf(x[3])};
+#endif
+}
+GOC_INLINE Lanes sqrt(Lanes x) { GOC_EACH(x.part[p] = part_sqrt(x.part[p])) return x; }
 
 GOC_INLINE std::uint32_t part_bits(IntPart m) {
 #if defined(__AVX512F__)
@@ -102,6 +120,12 @@ GOC_INLINE std::uint32_t bits(Mask m) {
 }
 
 typedef float Quad __attribute__((vector_size(16)));
+GOC_INLINE Quad load_quad(const float* from) {
+  Quad out;
+  __builtin_memcpy(&out, from, sizeof out);
+  return out;
+}
+GOC_INLINE void store_quad(float* to, Quad x) { __builtin_memcpy(to, &x, sizeof x); }
 
 GOC_INLINE float sum(Lanes x) {
   Part all = x.part[0];
@@ -114,6 +138,105 @@ GOC_INLINE float sum(Lanes x) {
   }
   return (total[0] + total[1]) + (total[2] + total[3]);
 }
+
+// Four rows of four floats, `stride` apart, and back.
+GOC_INLINE Lanes load_rows(const float* from, long stride) {
+  const Quad a = load_quad(from), b = load_quad(from + stride), c = load_quad(from + 2 * stride);
+  const Quad d = load_quad(from + 3 * stride);
+  Lanes out;
+#if defined(__AVX__)
+  typedef float Oct __attribute__((vector_size(32)));
+  const Oct ab = __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+  const Oct cd = __builtin_shufflevector(c, d, 0, 1, 2, 3, 4, 5, 6, 7);
+#if defined(__AVX512F__)
+  out.part[0] = __builtin_shufflevector(ab, cd, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+#else
+  out.part[0] = ab, out.part[1] = cd;
+#endif
+#else
+  out.part[0] = a, out.part[1] = b, out.part[2] = c, out.part[3] = d;
+#endif
+  return out;
+}
+GOC_INLINE void store_rows(float* to, long stride, Lanes x) {
+#if defined(__AVX512F__)
+  const Part all = x.part[0];
+  store_quad(to, __builtin_shufflevector(all, all, 0, 1, 2, 3));
+  store_quad(to + stride, __builtin_shufflevector(all, all, 4, 5, 6, 7));
+  store_quad(to + 2 * stride, __builtin_shufflevector(all, all, 8, 9, 10, 11));
+  store_quad(to + 3 * stride, __builtin_shufflevector(all, all, 12, 13, 14, 15));
+#elif defined(__AVX__)
+  store_quad(to, __builtin_shufflevector(x.part[0], x.part[0], 0, 1, 2, 3));
+  store_quad(to + stride, __builtin_shufflevector(x.part[0], x.part[0], 4, 5, 6, 7));
+  store_quad(to + 2 * stride, __builtin_shufflevector(x.part[1], x.part[1], 0, 1, 2, 3));
+  store_quad(to + 3 * stride, __builtin_shufflevector(x.part[1], x.part[1], 4, 5, 6, 7));
+#else
+  store_quad(to, x.part[0]), store_quad(to + stride, x.part[1]);
+  store_quad(to + 2 * stride, x.part[2]), store_quad(to + 3 * stride, x.part[3]);
+#endif
+}
+
+// Sixteen horizontal sums at once: lane i of the result is the sum of x[i]. Every level halves what is left of each sum
+// and brings two vectors into one.
+#if defined(__AVX512F__)
+GOC_INLINE Part halve8(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23) +
+         __builtin_shufflevector(a, b, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
+}
+GOC_INLINE Part halve4(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
+         __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
+}
+GOC_INLINE Part halve2(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 20, 21, 24, 25, 28, 29) +
+         __builtin_shufflevector(a, b, 2, 3, 6, 7, 10, 11, 14, 15, 18, 19, 22, 23, 26, 27, 30, 31);
+}
+GOC_INLINE Part halve1(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30) +
+         __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
+}
+#define GOC_X(I) x[I].part[0]
+#define GOC_4(I) halve4(halve8(GOC_X(I), GOC_X(I + 1)), halve8(GOC_X(I + 2), GOC_X(I + 3)))
+GOC_INLINE Lanes sums(const Lanes* x) {
+  Lanes out;
+  out.part[0] = halve1(halve2(GOC_4(0), GOC_4(4)), halve2(GOC_4(8), GOC_4(12)));
+  return out;
+}
+#elif defined(__AVX__)
+GOC_INLINE Part halve4(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11) + __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
+}
+GOC_INLINE Part halve2(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 4, 5, 8, 9, 12, 13) + __builtin_shufflevector(a, b, 2, 3, 6, 7, 10, 11, 14, 15);
+}
+GOC_INLINE Part halve1(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14) + __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15);
+}
+#define GOC_X(I) (x[I].part[0] + x[I].part[1])
+#define GOC_4(I) halve2(halve4(GOC_X(I), GOC_X(I + 1)), halve4(GOC_X(I + 2), GOC_X(I + 3)))
+GOC_INLINE Lanes sums(const Lanes* x) {
+  Lanes out;
+  out.part[0] = halve1(GOC_4(0), GOC_4(4));
+  out.part[1] = halve1(GOC_4(8), GOC_4(12));
+  return out;
+}
+#else
+GOC_INLINE Part halve2(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 1, 4, 5) + __builtin_shufflevector(a, b, 2, 3, 6, 7);
+}
+GOC_INLINE Part halve1(Part a, Part b) {
+  return __builtin_shufflevector(a, b, 0, 2, 4, 6) + __builtin_shufflevector(a, b, 1, 3, 5, 7);
+}
+#define GOC_X(I) ((x[I].part[0] + x[I].part[1]) + (x[I].part[2] + x[I].part[3]))
+#define GOC_4(I) halve1(halve2(GOC_X(I), GOC_X(I + 1)), halve2(GOC_X(I + 2), GOC_X(I + 3)))
+GOC_INLINE Lanes sums(const Lanes* x) {
+  Lanes out;
+  out.part[0] = GOC_4(0), out.part[1] = GOC_4(4), out.part[2] = GOC_4(8), out.part[3] = GOC_4(12);
+  return out;
+}
+#endif
+#undef GOC_X
+#undef GOC_4
 
 // 2^x for x in [-8, 0], smaller x counts as -8: a polynomial of 2^(x/8), squared three times (relative error 3e-6).
 // No bit tricks, so that no compiler flag can break it.

@@ -8,7 +8,8 @@ namespace goc::GOC_ISA {
 
 extern const Kernels kKernels;
 const Kernels kKernels = {
-    GOC_TEXT(GOC_ISA), touched_blocks, forward_tile, median_tile, backward_tile, blur_row, blur_column, ssim_row, adam_run,
+    GOC_TEXT(GOC_ISA), touched_blocks, forward_tile,   median_tile,  backward_tile,     moments_row, ssim_row, maps_row,
+    photometric_row,   depth_row,      normal_row,     depth_grad_row, fraction_row,    fraction_grad_row, adam_rows,
 };
 
 }  // namespace goc::GOC_ISA

@@ -7,8 +7,7 @@ namespace {
 
 alignas(64) const float kLaneX[16] = {0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
 alignas(64) const float kLaneY[16] = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
-constexpr int kGeometry = 6;    // accumulators of a splat's place, shape and opacity
-constexpr int kPacked = 8;      // floats of a Splat2D
+constexpr int kAhead = 6;  // records whose row is fetched before it is needed
 
 // alpha of the 16 pixels, 0 where it is below 1/255. dx, dy: pixel minus splat.
 GOC_INLINE Lanes alpha_of(const float* packed, Lanes dx, Lanes dy, Lanes& raw) {
@@ -18,16 +17,8 @@ GOC_INLINE Lanes alpha_of(const float* packed, Lanes dx, Lanes dy, Lanes& raw) {
   return keep(power >= -kLog2Of255, min(raw, splat(kMaxAlpha)));
 }
 
-// Copies the tile's splats and channels together: each is read once for every block it touches.
-template <int C>
-GOC_INLINE void pack(const TileView& tile, float* packed) {
-  for (int r = 0; r < tile.count; ++r) {
-    const std::uint32_t s = tile.order[r];
-    float* to = packed + r * (kPacked + C);
-    __builtin_memcpy(to, tile.splats + s, sizeof(Splat2D));
-    const float* from = tile.channels + (std::size_t)s * tile.channel_stride;
-    for (int c = 0; c < C; ++c) to[kPacked + c] = c < tile.channel_count ? from[c] : 0.0f;
-  }
+GOC_INLINE const float* row_of(const TileView& tile, int record) {
+  return tile.rows + (std::size_t)tile.order[record] * tile.row_stride;
 }
 
 // The part of a block that lies inside the image.
@@ -40,35 +31,36 @@ GOC_INLINE Inside inside(const TileView& tile, int x, int y) {
 }
 
 GOC_INLINE Lanes load_block(const float* plane, int width, Inside in) {
+  if (in.rows == kBlock && in.columns == kBlock) return load_rows(plane, width);
   alignas(64) float out[16] = {};
   for (int j = 0; j < in.rows; ++j)
     for (int i = 0; i < in.columns; ++i) out[j * kBlock + i] = plane[(std::size_t)j * width + i];
   return load(out);
 }
 GOC_INLINE void store_block(float* plane, int width, Inside in, Lanes values) {
+  if (in.rows == kBlock && in.columns == kBlock) return store_rows(plane, width, values);
   alignas(64) float out[16];
   store(out, values);
   for (int j = 0; j < in.rows; ++j)
     for (int i = 0; i < in.columns; ++i) plane[(std::size_t)j * width + i] = out[j * kBlock + i];
 }
 
-// The records that touch each block, in order: list b starts at b·count.
+// The splats that touch each block, near to far: list b starts at b·count. Fetches their rows on the way.
 GOC_INLINE void list_blocks(const TileView& tile, std::uint32_t* lists, int* counts) {
-  for (int r = 0; r < tile.count; ++r)
+  for (int r = 0; r < tile.count; ++r) {
+    __builtin_prefetch(row_of(tile, r));
     for (std::uint32_t rest = tile.masks[r]; rest; rest &= rest - 1) {
       const int b = __builtin_ctz(rest);
-      lists[b * tile.count + counts[b]++] = r;
+      lists[b * tile.count + counts[b]++] = tile.order[r];
     }
+  }
 }
 
 template <int C>
-void forward(const TileView& tile, float* image, float* alpha, float* scratch) {
-  constexpr int kStride = kPacked + C;
-  pack<C>(tile, scratch);
-  auto* lists = (std::uint32_t*)(scratch + (std::size_t)tile.count * kStride);
+void forward(const TileView& tile, float* const* image, float* alpha, std::uint32_t* lists) {
   int counts[16] = {};
   list_blocks(tile, lists, counts);
-  const std::size_t plane = (std::size_t)tile.width * tile.height;
+  const float* channels = tile.rows + kPacked + tile.channel_offset;
   for (int b = 0; b < 16; ++b) {
     const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
     if (x >= tile.width || y >= tile.height) continue;
@@ -76,7 +68,8 @@ void forward(const TileView& tile, float* image, float* alpha, float* scratch) {
     Lanes transmittance = splat(1.0f), total = splat(0.0f), colour[C];
     for (int c = 0; c < C; ++c) colour[c] = splat(0.0f);
     for (int i = 0; i < counts[b]; ++i) {
-      const float* s = scratch + (std::size_t)lists[b * tile.count + i] * kStride;
+      const std::size_t at = (std::size_t)lists[b * tile.count + i] * tile.row_stride;
+      const float *s = tile.rows + at, *v = channels + at;
       Lanes raw;
       const Lanes a = alpha_of(s, px - s[0], py - s[1], raw);
       const Lanes next = transmittance * (1.0f - a);
@@ -84,14 +77,14 @@ void forward(const TileView& tile, float* image, float* alpha, float* scratch) {
       const Lanes weight = keep(alive, a * transmittance);
       transmittance = keep(alive, next);
       total = total + weight;
-      for (int c = 0; c < C; ++c) colour[c] = fma(weight, s[kPacked + c], colour[c]);
+      for (int c = 0; c < C; ++c) colour[c] = fma(weight, v[c], colour[c]);
       if (!bits(alive)) break;
     }
     const Inside in = inside(tile, x, y);
     const std::size_t at = (std::size_t)y * tile.width + x;
     store_block(alpha + at, tile.width, in, total);
     for (int c = 0; c < C; ++c)
-      if (c < tile.channel_count) store_block(image + c * plane + at, tile.width, in, colour[c]);
+      if (c < tile.channel_count) store_block(image[c] + at, tile.width, in, colour[c]);
   }
 }
 
@@ -103,9 +96,8 @@ struct alignas(64) Block {  // aligned: a 64-byte access across two cache lines 
 
 // Loads the upstream gradients; rest = Σ_i w_i v_i with v_i = grad·channels_i + alpha_grad, known from the image alone.
 template <int C>
-std::uint32_t begin_blocks(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                           const float* alpha_grad, Block<C>* blocks) {
-  const std::size_t plane = (std::size_t)tile.width * tile.height;
+std::uint32_t begin_blocks(const TileView& tile, const float* const* image, const float* alpha,
+                           const float* const* image_grad, const float* alpha_grad, Block<C>* blocks) {
   std::uint32_t alive = 0;
   for (int b = 0; b < 16; ++b) {
     const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
@@ -118,15 +110,15 @@ std::uint32_t begin_blocks(const TileView& tile, const float* image, const float
     store(blocks[b].alpha_grad, upstream);
     for (int c = 0; c < C; ++c) {
       Lanes g = splat(0.0f);
-      if (c < tile.channel_count) {
-        g = load_block(image_grad + c * plane + at, tile.width, in);
-        rest = fma(g, load_block(image + c * plane + at, tile.width, in), rest);
+      if (c < tile.channel_count && image_grad[c]) {
+        g = load_block(image_grad[c] + at, tile.width, in);
+        rest = fma(g, load_block(image[c] + at, tile.width, in), rest);
       }
       store(blocks[b].grad[c], g);
     }
     // Pixels outside the image start opaque: nothing reaches them.
-    for (int i = 0; i < 16; ++i)
-      blocks[b].transmittance[i] = i % kBlock < in.columns && i / kBlock < in.rows ? 1.0f : 0.0f;
+    store(blocks[b].transmittance,
+          keep((load(kLaneX) <= in.columns - 1.0f) & (load(kLaneY) <= in.rows - 1.0f), splat(1.0f)));
     store(blocks[b].rest, rest);
     store(blocks[b].px, load(kLaneX) + (x + 0.5f));
     store(blocks[b].py, load(kLaneY) + (y + 0.5f));
@@ -137,19 +129,23 @@ std::uint32_t begin_blocks(const TileView& tile, const float* image, const float
 // Front-to-back gradient (paper Eq. 1): dL/dα_i = T_i v_i − (Σ_{j>i} w_j v_j)/(1 − α_i), where the sum behind i is what
 // is left of `rest`: one scalar a pixel instead of one buffer a channel.
 template <int C, bool kChannelsOnly>
-void backward(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-              const float* alpha_grad, float* grads, int grad_stride, float* scratch) {
-  constexpr int kStride = kPacked + C;
-  pack<C>(tile, scratch);
+void backward(const TileView& tile, const float* const* image, const float* alpha, const float* const* image_grad,
+              const float* alpha_grad, float* grads, int grad_stride) {
+  constexpr int kFloats = gradient_floats(C);
   Block<C> blocks[16];
   std::uint32_t alive = begin_blocks<C>(tile, image, alpha, image_grad, alpha_grad, blocks);
   for (int r = 0; r < tile.count; ++r) {
+    float* out = grads + (std::size_t)tile.slots[r] * grad_stride;
     std::uint32_t touched = tile.masks[r] & alive;
-    if (!touched) continue;
-    const float* s = scratch + (std::size_t)r * kStride;
-    Lanes geometry[kGeometry], channel[C];
-    for (int k = 0; k < kGeometry; ++k) geometry[k] = splat(0.0f);
-    for (int c = 0; c < C; ++c) channel[c] = splat(0.0f);
+    if (!touched) {
+      for (int k = 0; k < kFloats; k += 16) store(out + k, splat(0.0f));
+      continue;
+    }
+    if (r + kAhead < tile.count) __builtin_prefetch(row_of(tile, r + kAhead));
+    const float* s = row_of(tile, r);
+    const float* v = s + kPacked + tile.channel_offset;
+    Lanes total[kFloats];
+    for (int k = 0; k < kFloats; ++k) total[k] = splat(0.0f);
     for (; touched; touched &= touched - 1) {
       const int b = __builtin_ctz(touched);
       Block<C>& block = blocks[b];
@@ -165,8 +161,8 @@ void backward(const TileView& tile, const float* image, const float* alpha, cons
       Lanes value = kChannelsOnly ? splat(0.0f) : load(block.alpha_grad);
       for (int c = 0; c < C; ++c) {
         const Lanes g = load(block.grad[c]);
-        channel[c] = fma(weight, g, channel[c]);
-        if (!kChannelsOnly) value = fma(g, s[kPacked + c], value);
+        total[kGeometry + c] = fma(weight, g, total[kGeometry + c]);
+        if (!kChannelsOnly) value = fma(g, v[c], value);
       }
       if (kChannelsOnly) continue;
       const Lanes rest = load(block.rest) - weight * value;
@@ -175,19 +171,14 @@ void backward(const TileView& tile, const float* image, const float* alpha, cons
       const Lanes slope = keep(open & (raw <= kMaxAlpha), a * 0.6931471805599453f);
       const Lanes g = slope * (transmittance * value - rest / through);
       const Lanes gx = g * dx, gy = g * dy;
-      geometry[0] = geometry[0] + g;
-      geometry[1] = geometry[1] + gx;
-      geometry[2] = geometry[2] + gy;
-      geometry[3] = fma(gx, dx, geometry[3]);
-      geometry[4] = fma(gx, dy, geometry[4]);
-      geometry[5] = fma(gy, dy, geometry[5]);
+      total[0] = total[0] + g;
+      total[1] = total[1] + gx;
+      total[2] = total[2] + gy;
+      total[3] = fma(gx, dx, total[3]);
+      total[4] = fma(gx, dy, total[4]);
+      total[5] = fma(gy, dy, total[5]);
     }
-    float* out = grads + (std::size_t)r * grad_stride;
-    if (!kChannelsOnly)
-      for (int k = 0; k < kGeometry; ++k) out[k] += sum(geometry[k]);
-    for (int c = 0; c < C; ++c)
-      if (c < tile.channel_count) out[kGeometry + tile.channel_offset + c] = sum(channel[c]);
-    if (!alive) break;
+    for (int k = 0; k < kFloats; k += 16) store(out + k, sums(total + k));
   }
 }
 
@@ -210,29 +201,27 @@ void backward(const TileView& tile, const float* image, const float* alpha, cons
 
 }  // namespace
 
-void forward_tile(const TileView& tile, float* image, float* alpha, float* scratch) {
+void forward_tile(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch) {
 #define GOC_CALL(C) forward<C>(tile, image, alpha, scratch)
   GOC_FOR_CHANNELS(GOC_CALL)
 #undef GOC_CALL
 }
 
-void median_tile(const TileView& tile, float* median, float* scratch) {
-  pack<0>(tile, scratch);
-  auto* lists = (std::uint32_t*)(scratch + (std::size_t)tile.count * kPacked);
+void median_tile(const TileView& tile, float* median, std::uint32_t* scratch) {
   int counts[16] = {};
-  list_blocks(tile, lists, counts);
+  list_blocks(tile, scratch, counts);
   for (int b = 0; b < 16; ++b) {
     const int x = tile.x0 + (b % 4) * kBlock, y = tile.y0 + (b / 4) * kBlock;
     if (x >= tile.width || y >= tile.height) continue;
     const Lanes px = load(kLaneX) + (x + 0.5f), py = load(kLaneY) + (y + 0.5f);
     Lanes transmittance = splat(1.0f), found = splat(-1.0f);
     for (int i = 0; i < counts[b]; ++i) {
-      const std::uint32_t r = lists[b * tile.count + i];
-      const float* s = scratch + (std::size_t)r * kPacked;
+      const std::uint32_t index = scratch[b * tile.count + i];
+      const float* s = tile.rows + (std::size_t)index * tile.row_stride;
       Lanes raw;
       const Lanes next = transmittance * (1.0f - alpha_of(s, px - s[0], py - s[1], raw));
       const Mask crosses = (transmittance >= 0.5f) & (splat(0.5f) > next);
-      found = select(crosses, splat((float)tile.order[r]), found);
+      found = select(crosses, splat((float)index), found);
       transmittance = next;
       if (!bits(transmittance >= 0.5f)) break;
     }
@@ -240,14 +229,14 @@ void median_tile(const TileView& tile, float* median, float* scratch) {
   }
 }
 
-void backward_tile(const TileView& tile, const float* image, const float* alpha, const float* image_grad,
-                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride, float* scratch) {
+void backward_tile(const TileView& tile, const float* const* image, const float* alpha, const float* const* image_grad,
+                   const float* alpha_grad, bool channels_only, float* grads, int grad_stride) {
   if (channels_only) {
-#define GOC_CALL(C) backward<C, true>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride, scratch)
+#define GOC_CALL(C) backward<C, true>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride)
     GOC_FOR_CHANNELS(GOC_CALL)
 #undef GOC_CALL
   }
-#define GOC_CALL(C) backward<C, false>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride, scratch)
+#define GOC_CALL(C) backward<C, false>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride)
   GOC_FOR_CHANNELS(GOC_CALL)
 #undef GOC_CALL
 }

@@ -41,22 +41,27 @@ def random_view(seed: int) -> tuple[torch.Tensor, torch.Tensor, GeometryPrior]:
 
 
 @pytest.mark.parametrize("ssim_weight", [0.0, 0.2, 1.0])
-@pytest.mark.parametrize("shape", [(31, 40), (5, 300), (64, 7)])
+@pytest.mark.parametrize("shape", [(31, 40), (5, 300), (64, 7), (203, 33), (1, 1)])
 def test_photometric_loss_and_gradient_match_the_definition(ssim_weight, shape):
     generator = torch.Generator().manual_seed(1)
-    image, target = torch.rand(*shape, 3, generator=generator), torch.rand(*shape, 3, generator=generator)
-    fast, slow = image.clone().requires_grad_(), image.double().requires_grad_()
-    loss = photometric_loss(fast, target, ssim_weight)
-    expected = oracle.photometric(slow, target.double(), ssim_weight)
+    image = torch.rand(3, *shape, generator=generator) * 1.2 - 0.1
+    target = (torch.rand(*shape, 3, generator=generator) * 255).to(torch.uint8)
+    fast, slow = image.clone().requires_grad_(), image.double().permute(1, 2, 0).clone().requires_grad_()
+    loss, square_error = photometric_loss(fast, target, ssim_weight)
+    expected = oracle.photometric(slow, target.double() / 255, ssim_weight)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), abs=1e-6)
-    assert torch.allclose(fast.grad.double(), slow.grad, atol=1e-6 * slow.grad.abs().max().item() + 1e-9, rtol=1e-3)
+    gradient = fast.grad.permute(1, 2, 0).double()
+    assert torch.allclose(gradient, slow.grad, atol=2e-6 * slow.grad.abs().max().item() + 1e-9, rtol=1e-3)
+    error = slow.detach().clamp(0, 1) - target.double() / 255
+    assert square_error == pytest.approx(error.square().mean().item(), rel=1e-5)
 
 
 def test_photometric_loss_of_equal_images_is_zero():
-    image = torch.rand(20, 20, 3)
-    assert photometric_loss(image, image.clone(), 0.2).item() == pytest.approx(0.0, abs=1e-6)
+    target = (torch.rand(20, 20, 3) * 255).to(torch.uint8)
+    loss, square_error = photometric_loss(target.permute(2, 0, 1) / 255, target, 0.2)
+    assert loss.item() == pytest.approx(0.0, abs=1e-6) and square_error == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.0, 1.0), (0.3, 0.1)])
@@ -81,11 +86,33 @@ def test_plane_depth_of_a_slanted_plane_is_exact_where_expected_depth_is_of_its_
     normal = torch.nn.functional.normalize(torch.tensor([0.4, 0.1, -1.0]), dim=0)
     rays, alpha = pixel_rays(camera()), torch.full((17, 23), 0.7)
     truth = -2.0 / (rays @ normal)
-    blended = torch.cat([normal.expand(17, 23, 3), torch.full((17, 23, 1), -2.0)], -1) * alpha[..., None]
-    planes = planes_depth(blended, alpha, rays)
+    blended = torch.cat([normal[:, None, None].expand(3, 17, 23), torch.full((1, 17, 23), -2.0)]) * alpha
+    planes = planes_depth(blended, alpha, camera())
     assert torch.allclose(planes.numerator / planes.denominator, truth, rtol=1e-5)
     centre = expected_depth(2.2 * alpha, alpha)
     assert torch.allclose(centre.numerator / centre.denominator, torch.full((17, 23), 2.2))
+
+
+def test_the_fraction_of_planes_has_the_gradient_of_its_definition():
+    fast, (rays, alpha) = torch.randn(4, 17, 23).requires_grad_(), (pixel_rays(camera()), torch.ones(17, 23))
+    slow = fast.detach().clone().requires_grad_()
+    found, upstream = planes_depth(fast, alpha, camera()), torch.randn(2, 17, 23)
+    expected = -slow[3], -(slow[:3].permute(1, 2, 0) * rays).sum(-1)
+    assert torch.allclose(found.numerator, expected[0])
+    assert torch.allclose(found.denominator, expected[1], atol=1e-5)
+    torch.autograd.backward((found.numerator, found.denominator), tuple(upstream))
+    torch.autograd.backward(expected, tuple(upstream))
+    assert torch.allclose(fast.grad, slow.grad, atol=1e-5)
+
+
+def test_packed_normals_are_the_same_normals():
+    numerator, denominator, prior = random_view(4)
+    rendered = RenderedDepth(numerator=numerator, denominator=denominator, alpha=denominator)
+    packed = torch.nan_to_num(prior.normals * 127).round().to(torch.int8)
+    unpacked = torch.nn.functional.normalize(packed.float(), dim=-1)
+    unpacked = torch.where((packed == 0).all(-1, keepdim=True), torch.nan, unpacked)
+    losses = [geometry_loss(rendered, replace(prior, normals=n), camera(), 0.3, 0.7) for n in (packed, unpacked)]
+    assert losses[0].item() == pytest.approx(losses[1].item(), rel=1e-6)
 
 
 def test_depth_normal_loss_spans_agreement_to_opposition():

@@ -48,7 +48,7 @@ def optimised(capture: Capture, config: ReconstructConfig) -> State:
         extent=1.0,
         budget=1000,
         pairs=view_pairs(capture, views, config),
-        prior=lambda view: None,
+        prior=lambda *_: None,
         config=config,
     )
     return optimise(task, lambda: initial_state(seed(capture, views, config), {}), lambda event: None, None, False)

@@ -1,5 +1,7 @@
 """`rasterize`: differentiable alpha blending of any channels on the CPU, by native/raster.cpp."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -10,7 +12,8 @@ from goc import _native
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
-_idle_rasters: list[_native.Raster] = []  # buffers of finished views, so that a step allocates nothing
+idle_rasters: list[_native.Raster] = []
+"""Buffers of finished views, so that a step allocates nothing."""
 
 
 def rasterize(
@@ -44,37 +47,49 @@ def rasterize(
 
 def median_splats(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "h w"]:
     """The splat at which each pixel's transmittance falls below one half: the surface it shows; -1 where none does."""
-    raster, _, _ = _forward(_splats(gaussians), camera, torch.zeros(len(gaussians), 1))
     out = torch.zeros(camera.height, camera.width, dtype=torch.int32)
-    raster.median(out)
-    _idle_rasters.append(raster)
+    with _binned(gaussians, camera) as raster:
+        raster.median(out)
     return out
 
 
 def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:
     """Splats that reach alpha 1/255 somewhere in the view, whatever stands before them."""
-    raster, _, _ = _forward(_splats(gaussians), camera, torch.zeros(len(gaussians), 1))
     out = torch.zeros(len(gaussians), dtype=torch.uint8)
-    raster.visible(out)
-    _idle_rasters.append(raster)
+    with _binned(gaussians, camera) as raster:
+        raster.visible(out)
     return out.bool()
 
 
-def _splats(gaussians: Gaussians) -> _native.Splats:
+@contextmanager
+def _binned(gaussians: Gaussians, camera: Camera) -> Iterator[_native.Raster]:
+    """A view of the splats that shows nothing in particular."""
     arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits)
-    return _native.Splats(*(array.detach().contiguous() for array in arrays))
+    splats = _native.Splats(*(array.detach().contiguous() for array in arrays))
+    raster = idle_raster()
+    image, alpha = torch.empty(1, camera.height, camera.width), torch.empty(camera.height, camera.width)
+    raster.forward(splats, _native.Channels(torch.zeros(len(gaussians), 1)), native_camera(camera), [image], alpha)
+    yield raster
+    idle_rasters.append(raster)
 
 
-def _forward(
-    splats: _native.Splats, camera: Camera, channels: Float[Tensor, "n c"]
-) -> tuple[_native.Raster, Float[Tensor, "c h w"], Float[Tensor, "h w"]]:
+def idle_raster() -> _native.Raster:
+    """A raster that no view uses; to be given back to `idle_rasters`."""
+    return idle_rasters.pop() if idle_rasters else _native.Raster()
+
+
+def taken_raster(ctx: Any) -> _native.Raster:
+    """The raster of a forward, for its only backward: afterwards its buffers serve another view."""
+    raster, ctx.raster = ctx.raster, None
+    if raster is None:
+        raise RuntimeError("a rendered view can be differentiated once: retain_graph does not work here")
+    return raster
+
+
+def native_camera(camera: Camera) -> _native.RasterCamera:
+    """The camera as the kernels want it."""
     focal, centre = camera.focal_px.tolist(), camera.centre_px.tolist()
-    view = _native.RasterCamera(camera.cam_from_world.contiguous(), *focal, *centre, camera.width, camera.height)
-    planes = torch.empty(channels.shape[1], camera.height, camera.width)
-    alpha = torch.empty(camera.height, camera.width)
-    raster = _idle_rasters.pop() if _idle_rasters else _native.Raster()
-    raster.forward(splats, view, channels, planes, alpha)
-    return raster, planes, alpha
+    return _native.RasterCamera(camera.cam_from_world.contiguous(), *focal, *centre, camera.width, camera.height)
 
 
 class _Rasterize(torch.autograd.Function):
@@ -83,31 +98,36 @@ class _Rasterize(torch.autograd.Function):
         ctx: Any, means: Tensor, quats: Tensor, log_scales: Tensor, logits: Tensor, channels: Tensor, camera: Camera
     ) -> tuple[Tensor, Tensor]:
         arrays = [array.detach().contiguous() for array in (means, quats, log_scales, logits, channels)]
-        raster, planes, alpha = _forward(_native.Splats(*arrays[:4]), camera, arrays[4])
+        planes = torch.empty(channels.shape[1], camera.height, camera.width)
+        alpha = torch.empty(camera.height, camera.width)
+        raster = idle_raster()
+        raster.forward(_native.Splats(*arrays[:4]), _native.Channels(arrays[4]), native_camera(camera), [planes], alpha)
         if any(ctx.needs_input_grad):
             ctx.save_for_backward(*arrays, planes, alpha)
             ctx.raster = raster
             ctx.set_materialize_grads(False)
         else:
-            _idle_rasters.append(raster)
+            idle_rasters.append(raster)
         return planes, alpha
 
     @staticmethod
     def backward(ctx: Any, planes_grad: Tensor | None, alpha_grad: Tensor | None) -> tuple[Tensor | None, ...]:
         means, quats, log_scales, logits, channels, planes, alpha = ctx.saved_tensors
-        upstream = torch.zeros_like(planes) if planes_grad is None else planes_grad.contiguous()
-        channels_grad = torch.zeros_like(channels)
+        channels_grad = torch.empty_like(channels)
         splat_grads: tuple[Tensor | None, ...] = (None, None, None, None)
         if any(ctx.needs_input_grad[:4]):
-            splat_grads = tuple(torch.zeros_like(array) for array in (means, quats, log_scales, logits))
-        ctx.raster.backward(
+            splat_grads = tuple(torch.empty_like(array) for array in (means, quats, log_scales, logits))
+        raster = taken_raster(ctx)
+        raster.backward(
             _native.Splats(means, quats, log_scales, logits),
-            channels,
-            planes,
+            _native.Channels(channels),
+            [planes],
             alpha,
-            upstream,
+            [None if planes_grad is None else planes_grad.contiguous()],
             None if alpha_grad is None else alpha_grad.contiguous(),
-            channels_grad,
             *splat_grads,
+            None,
+            channels_grad,
         )
+        idle_rasters.append(raster)
         return *splat_grads, channels_grad, None

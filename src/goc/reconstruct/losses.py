@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch
-from jaxtyping import Float, Int16
+from jaxtyping import Float, Int8, Int16, UInt8
 from torch import Tensor
 
 from goc import _native
@@ -16,28 +16,42 @@ _geometry = _native.GeometryLoss()
 
 
 def photometric_loss(
-    image: Float[Tensor, "h w 3"], target: Float[Tensor, "h w 3"], ssim_weight: float
-) -> Float[Tensor, ""]:
+    image: Float[Tensor, "3 h w"], target: UInt8[Tensor, "h w 3"], ssim_weight: float
+) -> tuple[Float[Tensor, ""], float]:
     """L_c of 3D Gaussian Splatting: (1 - λ)·|C - Ĉ| + λ·(1 - SSIM), means over pixels and channels.
 
     SSIM with an 11×11 Gaussian window of 1.5 px and zero padding (Wang et al. 2004). Differentiable in `image`.
+
+    Args:
+        image: blended colour, channel by channel.
+        target: the photograph as stored; 255 is 1.
+        ssim_weight: λ.
+
+    Returns:
+        L_c, and the mean squared error of the image clamped to [0, 1] (for PSNR).
     """
-    return _Photometric.apply(image, target, ssim_weight)
+    found: list[float] = []
+    loss = _Photometric.apply(image, target, ssim_weight, found)
+    return loss, found[0]
 
 
 class _Photometric(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, image: Tensor, target: Tensor, ssim_weight: float) -> Tensor:
-        planes, wanted = (array.detach().permute(2, 0, 1).contiguous() for array in (image, target))
-        gradient = torch.empty_like(planes)
-        loss = _photometric(planes, wanted, ssim_weight, gradient)
+    def forward(ctx: Any, image: Tensor, target: Tensor, ssim_weight: float, found: list[float]) -> Tensor:
+        gradient = torch.empty(image.shape)
+        loss, square_error = _photometric(image.detach().contiguous(), target.contiguous(), ssim_weight, gradient)
+        found.append(square_error)
         ctx.save_for_backward(gradient)
         return torch.tensor(loss, dtype=torch.float32)
 
     @staticmethod
-    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor, None, None]:
-        (gradient,) = ctx.saved_tensors
-        return (gradient * upstream).permute(1, 2, 0), None, None
+    def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
+        return _times(ctx.saved_tensors[0], upstream), None, None, None
+
+
+def _times(gradient: Tensor, upstream: Tensor) -> Tensor:
+    """Usually a loss is a term of the total, with upstream 1: then no image is copied."""
+    return gradient if upstream.item() == 1.0 else gradient * upstream
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,8 +60,8 @@ class GeometryPrior:
 
     depth: Float[Tensor, "h w"]
     """z, scene units; NaN = none."""
-    normals: Float[Tensor, "h w 3"] | None
-    """Unit, camera axes, facing the camera; NaN = none."""
+    normals: Float[Tensor, "h w 3"] | Int8[Tensor, "h w 3"] | None
+    """Camera axes, facing the camera. Float: unit, NaN = none. Bytes: of any length, 0 0 0 = none."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,11 +80,29 @@ def expected_depth(blended: Float[Tensor, "h w"], alpha: Float[Tensor, "h w"]) -
     return RenderedDepth(numerator=blended, denominator=alpha, alpha=alpha)
 
 
-def planes_depth(
-    blended: Float[Tensor, "h w 4"], alpha: Float[Tensor, "h w"], rays: Float[Tensor, "h w 3"]
-) -> RenderedDepth:
+def planes_depth(blended: Float[Tensor, "4 h w"], alpha: Float[Tensor, "h w"], camera: Camera) -> RenderedDepth:
     """Depth of the splats' planes, D / (N·K⁻¹p), from blended `plane_channels`; negated so that both are positive."""
-    return RenderedDepth(numerator=-blended[..., 3], denominator=-(blended[..., :3] * rays).sum(-1), alpha=alpha)
+    numerator, denominator = _PlaneFraction.apply(blended, _lens(camera))
+    return RenderedDepth(numerator=numerator, denominator=denominator, alpha=alpha)
+
+
+def _lens(camera: Camera) -> _native.Lens:
+    return _native.Lens(camera.width, camera.height, *camera.focal_px.tolist(), *camera.centre_px.tolist())
+
+
+class _PlaneFraction(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, planes: Tensor, lens: _native.Lens) -> tuple[Tensor, Tensor]:
+        numerator, denominator = torch.empty(planes.shape[1:]), torch.empty(planes.shape[1:])
+        _native.plane_fraction(planes.detach().contiguous(), lens, numerator, denominator)
+        ctx.lens = lens
+        return numerator, denominator
+
+    @staticmethod
+    def backward(ctx: Any, *upstream: Tensor) -> tuple[Tensor, None]:
+        gradient = torch.empty(4, *upstream[0].shape)
+        _native.plane_fraction_backward(*(grad.contiguous() for grad in upstream), ctx.lens, gradient)
+        return gradient, None
 
 
 def geometry_loss(
@@ -105,18 +137,17 @@ class _Geometry(torch.autograd.Function):
         camera: Camera,
         weights: tuple[float, float],
     ) -> Tensor:
-        gradients = torch.empty(2, *numerator.shape)
+        gradients = torch.empty(numerator.shape), torch.empty(numerator.shape)
         images = (image.detach().contiguous() for image in (numerator, denominator, alpha, prior.depth))
         normals = None if prior.normals is None or not weights[1] else prior.normals.contiguous()
-        lens = (*camera.focal_px.tolist(), *camera.centre_px.tolist())
-        depth, depth_normal = _geometry(*images, normals, *lens, *weights, *gradients)
-        ctx.save_for_backward(gradients)
+        kinds = (None, normals) if normals is not None and normals.dtype == torch.int8 else (normals, None)
+        depth, depth_normal = _geometry(*images, *kinds, _lens(camera), *weights, *gradients)
+        ctx.save_for_backward(*gradients)
         return torch.tensor(weights[0] * depth + weights[1] * depth_normal, dtype=torch.float32)
 
     @staticmethod
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
-        (gradients,) = ctx.saved_tensors
-        return gradients[0] * upstream, gradients[1] * upstream, None, None, None, None
+        return *(_times(gradient, upstream) for gradient in ctx.saved_tensors), None, None, None, None
 
 
 def identity_loss(logits: Float[Tensor, "p k"], classes: Int16[Tensor, "p"]) -> Float[Tensor, ""]:

@@ -57,19 +57,23 @@ def _view_of(task: Task, step: int) -> int:
     return task.views[int(order[place])]
 
 
-def _rates(task: Task, state: State) -> dict[str, float]:
+def _rates(task: Task, state: State) -> dict[str, tuple[float, ...]]:
+    """Of each parameter, by column where they differ."""
     rates = task.config.rates
-    share = state.step / max(1, task.config.iterations)
     found = {
-        "means": rates.means * task.extent * rates.means_final**share,
-        "quats": rates.quats,
-        "log_scales": rates.log_scales,
-        "opacity_logits": rates.opacity_logits,
-        "sh_constant": rates.sh_constant,
-        "sh_rest": rates.sh_rest,
-        "identity": rates.identity,
+        "means": (_means_rate(task, state),),
+        "quats": (rates.quats,),
+        "log_scales": (rates.log_scales,),
+        "opacity_logits": (rates.opacity_logits,),
+        "sh": (*[rates.sh_constant] * 3, rates.sh_rest),
+        "identity": (rates.identity,),
     }
-    return found | {f"classifier.{name}": rates.identity for name in state.shared}
+    return found | {f"classifier.{name}": (rates.identity,) for name in state.shared}
+
+
+def _means_rate(task: Task, state: State) -> float:
+    rates, share = task.config.rates, state.step / max(1, task.config.iterations)
+    return rates.means * task.extent * rates.means_final**share
 
 
 @torch.no_grad()
@@ -97,7 +101,7 @@ def _move(task: Task, state: State) -> None:
         _relocate(state, mcmc.min_opacity, generator)
         _grow(state, min(task.budget, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
-    strength = mcmc.noise * _rates(task, state)["means"]
+    strength = mcmc.noise * _means_rate(task, state)
     opacities = p["opacity_logits"].sigmoid()
     rows = torch.nonzero(opacities < _EXPLORING)[:, 0]
     p["means"][rows] += exploration(p["log_scales"][rows], p["quats"][rows], opacities[rows], strength, generator)

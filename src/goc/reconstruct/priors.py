@@ -4,7 +4,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int8
 from torch import Tensor
 
 from goc.geometry.normals import fitted_normals, fitting_radius
@@ -54,8 +54,8 @@ class _FittedNormals:
     def __init__(self) -> None:
         self._kept: OrderedDict[int, tuple[float, Tensor]] = OrderedDict()
 
-    def __call__(self, view: int, shape: float, depth: Float[Tensor, "h w"], camera: Camera) -> Float[Tensor, "h w 3"]:
-        """Normals of a view's depth; `shape` tells depths of one view apart."""
+    def __call__(self, view: int, shape: float, depth: Float[Tensor, "h w"], camera: Camera) -> Int8[Tensor, "h w 3"]:
+        """Normals of a view's depth, 0 0 0 = none; `shape` tells depths of one view apart."""
         if view in self._kept and self._kept[view][0] == shape:
             self._kept.move_to_end(view)
         else:
@@ -63,5 +63,4 @@ class _FittedNormals:
             self._kept[view] = shape, torch.nan_to_num(normals * 127.0).round().to(torch.int8)
             while len(self._kept) > 1 and sum(kept.numel() for _, kept in self._kept.values()) > _CACHE_BYTES:
                 self._kept.popitem(last=False)
-        packed = self._kept[view][1].float()
-        return packed / torch.where((packed == 0).all(-1, keepdim=True), torch.nan, packed.norm(dim=-1, keepdim=True))
+        return self._kept[view][1]

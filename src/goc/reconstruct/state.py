@@ -21,7 +21,7 @@ class State:
     """Mutable; lives inside one optimisation and leaves it as Gaussians."""
 
     parameters: dict[str, Tensor]
-    """Per splat: means, quats, log_scales, opacity_logits, sh_constant (n 1 3), sh_rest (n k 3), identity (n f).
+    """Per splat, as in Gaussians: means, quats, log_scales, opacity_logits, sh, identity.
     Shared: those that start with "classifier."."""
     first: dict[str, Tensor]
     second: dict[str, Tensor]
@@ -54,21 +54,27 @@ class State:
             quats=p["quats"],
             log_scales=p["log_scales"],
             opacity_logits=p["opacity_logits"],
-            sh=torch.cat([p["sh_constant"], p["sh_rest"]], 1),
+            sh=p["sh"],
             identity=p.get("identity"),
         )
 
-    def adam(self, rates: dict[str, float]) -> None:
-        """One Adam step on every parameter that has a gradient; clears the gradients."""
+    def adam(self, rates: dict[str, tuple[float, ...]]) -> None:
+        """One Adam step on every parameter that has a gradient; clears the gradients.
+
+        Args:
+            rates: step size of each column of a parameter's rows; the last one stands for all further columns.
+        """
         for name, parameter in self.parameters.items():
             if parameter.grad is None or parameter.numel() == 0:
                 continue
+            rows = parameter.detach().view(len(parameter), -1)
+            columns = list(rates[name]) + [rates[name][-1]] * (rows.shape[1] - len(rates[name]))
             _native.adam(
-                parameter.detach().view(-1),
-                parameter.grad.contiguous().view(-1),
-                self.first[name].view(-1),
-                self.second[name].view(-1),
-                rates[name],
+                rows,
+                parameter.grad.contiguous().view(rows.shape),
+                self.first[name].view(rows.shape),
+                self.second[name].view(rows.shape),
+                columns[: rows.shape[1]],
                 _BETA1,
                 _BETA2,
                 _EPSILON,
@@ -101,8 +107,7 @@ def initial_state(gaussians: Gaussians, shared: dict[str, Tensor]) -> State:
         "quats": gaussians.quats,
         "log_scales": gaussians.log_scales,
         "opacity_logits": gaussians.opacity_logits,
-        "sh_constant": gaussians.sh[:, :1],
-        "sh_rest": gaussians.sh[:, 1:],
+        "sh": gaussians.sh,
     }
     if gaussians.identity is not None:
         parameters["identity"] = gaussians.identity

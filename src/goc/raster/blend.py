@@ -1,0 +1,79 @@
+"""`blend_view`: what an optimisation step renders, with all its gradients, in one native call each way."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from goc import _native
+from goc.raster.rasterize import idle_raster, idle_rasters, native_camera, taken_raster
+from goc.scene.camera import Camera
+from goc.scene.gaussians import Gaussians
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class BlendedView:
+    """Blended images of one view, channel by channel; losses differentiate in each of them."""
+
+    colour: Float[Tensor, "3 h w"]
+    """sRGB over black, not clamped."""
+    geometry: Float[Tensor, "g h w"]
+    """Four `plane_channels`, or one of `centre_depths`."""
+    features: Float[Tensor, "f h w"] | None
+    """Blended `Gaussians.identity`, where splats have it."""
+    alpha: Float[Tensor, "h w"]
+
+
+def blend_view(gaussians: Gaussians, camera: Camera, planes: bool) -> BlendedView:
+    """Blend colours, planes (or the z of centres) and features of the splats, as `rasterize` blends their channels.
+
+    The same as rasterize(gaussians, camera, channels) with channels = [colours_towards, plane_channels if `planes` else
+    centre_depths, identity], its twin in the tests; but channels are made and differentiated splat by splat, for those
+    in view. Differentiable in everything that `gaussians` holds, once.
+    """
+    *images, alpha = _BlendView.apply(
+        gaussians.means,
+        gaussians.quats,
+        gaussians.log_scales,
+        gaussians.opacity_logits,
+        gaussians.sh,
+        gaussians.identity,
+        camera,
+        planes,
+    )
+    return BlendedView(
+        colour=images[0], geometry=images[1], features=images[2] if len(images) > 2 else None, alpha=alpha
+    )
+
+
+class _BlendView(torch.autograd.Function):
+    @staticmethod
+    def forward(ctx: Any, *arguments: Any) -> tuple[Tensor, ...]:
+        *parameters, camera, planes = arguments
+        arrays = [None if array is None else array.detach().contiguous() for array in parameters]
+        counts = [3, 4 if planes else 1] + ([] if arrays[5] is None else [arrays[5].shape[1]])
+        images = [torch.empty(count, camera.height, camera.width) for count in counts]
+        alpha = torch.empty(camera.height, camera.width)
+        raster = idle_raster()
+        channels = _native.Channels(arrays[5], arrays[4], planes)
+        raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), images, alpha)
+        if any(ctx.needs_input_grad):
+            ctx.save_for_backward(*arrays, *images, alpha)
+            ctx.raster, ctx.planes = raster, planes
+            ctx.set_materialize_grads(False)
+        else:
+            idle_rasters.append(raster)
+        return *images, alpha
+
+    @staticmethod
+    def backward(ctx: Any, *upstream: Tensor | None) -> tuple[Tensor | None, ...]:
+        arrays, (*images, alpha) = ctx.saved_tensors[:6], ctx.saved_tensors[6:]
+        gradients = [None if array is None else torch.empty_like(array) for array in arrays]
+        *image_grads, alpha_grad = [None if grad is None else grad.contiguous() for grad in upstream]
+        raster = taken_raster(ctx)
+        channels = _native.Channels(arrays[5], arrays[4], ctx.planes)
+        raster.backward(_native.Splats(*arrays[:4]), channels, images, alpha, image_grads, alpha_grad, *gradients)
+        idle_rasters.append(raster)
+        return *gradients, None, None

@@ -1,0 +1,111 @@
+"""The fused view of a training step against the general engine and the channels it stands for."""
+
+from dataclasses import fields, replace
+
+import pytest
+import torch
+
+from goc import _native
+from goc.geometry.harmonics import colours_towards
+from goc.raster import blend_view, centre_depths, plane_channels, rasterize
+from goc.scene import Camera, Gaussians
+from oracles import splatting
+
+
+def camera() -> Camera:
+    pose = torch.eye(4)
+    pose[:3, :3] = splatting.rotation_matrices(torch.tensor([[0.98, 0.1, -0.12, 0.07]]))[0]
+    pose[:3, 3] = torch.tensor([0.1, -0.2, 0.3])
+    return Camera(
+        focal_px=torch.tensor([38.0, 41.0]),
+        centre_px=torch.tensor([19.3, 14.8]),
+        width=43,
+        height=29,
+        world_from_cam=pose,
+    )
+
+
+def random_splats(count: int, degree: int, features: int) -> Gaussians:
+    generator = torch.Generator().manual_seed(degree)
+    spread = torch.rand(count, 3, generator=generator)
+    arrays = {
+        "means": (spread - 0.5) * torch.tensor([3.4, 2.4, 2.0]) + torch.tensor([0.0, 0.0, 2.4]),
+        "quats": torch.randn(count, 4, generator=generator),
+        "log_scales": torch.randn(count, 3, generator=generator) * 0.6 - 2.4,
+        "opacity_logits": torch.randn(count, generator=generator) * 1.5,
+        "sh": torch.randn(count, (degree + 1) ** 2, 3, generator=generator) * 0.5,
+        "identity": torch.randn(count, features, generator=generator) if features else None,
+    }
+    return Gaussians(**{name: value if value is None else value.requires_grad_() for name, value in arrays.items()})
+
+
+def gradients(gaussians: Gaussians) -> dict[str, torch.Tensor]:
+    values = {item.name: getattr(gaussians, item.name) for item in fields(Gaussians)}
+    return {name: value.grad for name, value in values.items() if value is not None}
+
+
+def copy(gaussians: Gaussians) -> Gaussians:
+    values = {item.name: getattr(gaussians, item.name) for item in fields(Gaussians)}
+    return replace(
+        gaussians,
+        **{name: None if value is None else value.detach().requires_grad_() for name, value in values.items()},
+    )
+
+
+@pytest.mark.parametrize("planes", [True, False])
+@pytest.mark.parametrize(("degree", "features"), [(0, 0), (1, 0), (2, 5), (3, 0), (1, 30)])
+def test_a_view_is_its_channels_rasterised(planes, degree, features):
+    fast = random_splats(120, degree, features)
+    slow, view = copy(fast), camera()
+    channels = [
+        colours_towards(slow.sh, slow.means, view.position),
+        plane_channels(slow, view) if planes else centre_depths(slow, view)[:, None],
+    ]
+    if slow.identity is not None:
+        channels.append(slow.identity)
+    expected, expected_alpha = rasterize(slow, view, torch.cat(channels, -1))
+    found = blend_view(fast, view, planes)
+    images = [found.colour, found.geometry] + ([] if found.features is None else [found.features])
+    image = torch.cat(images).permute(1, 2, 0)
+    assert (image - expected).abs().max() < 2e-5
+    assert torch.equal(found.alpha, expected_alpha)
+    upstream, alpha_upstream = torch.randn_like(image), torch.randn_like(found.alpha)
+    torch.autograd.backward((image, found.alpha), (upstream, alpha_upstream))
+    torch.autograd.backward((expected, expected_alpha), (upstream, alpha_upstream))
+    for name, exact in gradients(slow).items():
+        assert (gradients(fast)[name] - exact).abs().max() < 2e-5 * exact.abs().max(), name
+
+
+def test_an_image_that_no_loss_looks_at_has_no_part_in_the_gradient():
+    fast, view = random_splats(120, 1, 0), camera()
+    slow = copy(fast)
+    blend_view(fast, view, True).colour.square().sum().backward()
+    image, _ = rasterize(slow, view, colours_towards(slow.sh, slow.means, view.position))
+    image.square().sum().backward()
+    for name, exact in gradients(slow).items():
+        assert (gradients(fast)[name] - exact).abs().max() < 2e-5 * exact.abs().max(), name
+
+
+def test_a_view_is_differentiated_once():
+    shown = blend_view(random_splats(10, 0, 0), camera(), True)
+    shown.alpha.sum().backward(retain_graph=True)
+    with pytest.raises(RuntimeError, match="can be differentiated once"):
+        shown.alpha.sum().backward()
+
+
+def test_thread_count_does_not_change_a_bit():
+    results, before = [], _native.thread_count()
+    for threads in (1, 2, 5):
+        _native.set_thread_count(threads)
+        gaussians = random_splats(4000, 1, 0)
+        shown = blend_view(gaussians, replace(camera(), width=201, height=150), True)
+        (shown.colour.square().sum() + shown.geometry.square().sum() + shown.alpha.sum()).backward()
+        results.append([shown.colour, shown.geometry, shown.alpha, *gradients(gaussians).values()])
+    _native.set_thread_count(before)
+    for other in results[1:]:
+        assert all(torch.equal(a, b) for a, b in zip(results[0], other, strict=True))
+
+
+def test_sh_must_be_whole_bands():
+    with pytest.raises(ValueError, match="degree 0 to 3"):
+        blend_view(replace(random_splats(10, 0, 0), sh=torch.zeros(10, 2, 3)), camera(), True)
