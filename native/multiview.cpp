@@ -107,8 +107,9 @@ MultiviewLosses MultiviewLoss::operator()(const WarpedView& view, const WarpSour
   if (weights.photometric != 0)
     photometric = ssim_({warped_.data(), seen_.data(), known_.data(), w, h}, warped_grad_.data());
   for (const PixelSum& row : geometric_sums_) geometric += row;
-  const double pixels = (double)std::max<std::size_t>(photometric.pixels, 1);
-  const double matches = (double)std::max<std::size_t>(geometric.pixels, 1);
+  const std::size_t fewest = std::max<std::size_t>(size / 4, 1);  // a handful of pixels must not pull like a view
+  const double pixels = (double)std::max(photometric.pixels, fewest);
+  const double matches = (double)std::max(geometric.pixels, fewest);
   const float geometric_scale = (float)(weights.geometric / matches);
   add_to_depth(view, (float)(weights.photometric / pixels), geometric_scale, numerator_grad, denominator_grad);
   if (inverse_grad) scatter_pulls(source.depth_lens, geometric_scale, inverse_grad);
@@ -128,6 +129,7 @@ void MultiviewLoss::warp_pixel(const WarpedView& view, const WarpSource& source,
   // Hidden behind what the neighbour sees: its photograph shows something else.
   if (weights.photometric != 0 && at.z * at.inverse <= 1 + weights.tolerance) fetch_colour(view, source, at, i);
   if (weights.geometric == 0 || !at.smooth) return;
+  geometric_sums_[y] += {0.0, 1};
   // There and back: the neighbour's surface point Y in the view's axes, and how far from the pixel it is seen.
   const float* m = source.from_view;
   const float far = 1.0f / at.inverse;
@@ -138,7 +140,7 @@ void MultiviewLoss::warp_pixel(const WarpedView& view, const WarpSource& source,
   if (!(back.z > 0 && error < kMaxError)) return;
   // The weight says how likely both are one surface; it is not optimised.
   const float weight = std::exp(-error);
-  geometric_sums_[y] += {(double)weight * error, 1};
+  geometric_sums_[y] += {(double)weight * error, 0};
   if (!(error > 0)) return;
   const float gx = weight * ex / error * lens.fx * near, gy = weight * ey / error * lens.fy * near;
   const Vec3 pull = turn(m, {gx, gy, -(gx * back.x + gy * back.y) * near});  // of w·e by Y

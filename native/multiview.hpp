@@ -37,7 +37,7 @@ struct MultiviewWeights {
 };
 
 struct MultiviewLosses {
-  double photometric, geometric;  // means over their valid pixels, 0 where there is none
+  double photometric, geometric;  // means over the pixels that can be compared, or a quarter of all where those are fewer
 };
 
 // Keeps its workspace between calls.

@@ -79,11 +79,11 @@ def photometric(depth: Tensor, alpha: Tensor, inverse: Tensor, pair: Pair, toler
     ssim = ((2 * mx * my + 1e-4) * (2 * xy + 9e-4)) / ((mx * mx + my * my + 1e-4) * (xx + yy + 9e-4))
     whole = mean(known[None, None].to(depth))[0, 0] > 1 - 1e-6
     terms = 0.85 * (1 - ssim) / 2 + 0.15 * (x - y)[..., 1:-1, 1:-1].abs()
-    return terms[:, 0].mean(0)[whole].sum() / whole.sum().clamp_min(1)
+    return terms[:, 0].mean(0)[whole].sum() / max(whole.sum().item(), depth.numel() // 4)
 
 
 def geometric(depth: Tensor, alpha: Tensor, inverse: Tensor, pair: Pair, tolerance: float) -> Tensor:
-    """Mean of exp(-e)·e over pixels that come back within one pixel of where they started."""
+    """Mean of exp(-e)·e, or 0 from one pixel on, over pixels that land on a surface."""
     seen = visible(depth, alpha, inverse, pair, tolerance)
     there = pair.neighbour_camera
     far = 1.0 / torch.where(seen["smooth"], seen["inverse"], 1.0)
@@ -95,4 +95,4 @@ def geometric(depth: Tensor, alpha: Tensor, inverse: Tensor, pair: Pair, toleran
     start = project(pixel_rays(pair.camera).to(depth).reshape(-1, 3), pair.camera)
     error = (project(returned, pair.camera) - start)[seen["smooth"]].norm(dim=-1)
     error = error[(error < 1.0) & (returned[seen["smooth"], 2] > 0)]
-    return (torch.exp(-error.detach()) * error).sum() / max(len(error), 1)
+    return (torch.exp(-error.detach()) * error).sum() / max(seen["smooth"].sum().item(), depth.numel() // 4)

@@ -56,8 +56,9 @@ def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, wei
     D carries each pixel p to a place q in the neighbour. L_pho compares the photograph C with C̃(p), the neighbour's
     photograph at q: the mean of 0.85·(1 - SSIM)/2 + 0.15·|C - C̃| over pixels whose 3×3 block is all in the neighbour's
     frame and not hidden behind its surface. L_geo goes on to the neighbour's own surface at q and back into the view,
-    where it arrives at p': the mean of exp(-e)·e, e = |p' - p| in pixels, over pixels with e < 1; gradients leave the
-    factor exp(-e) alone. Pixels with alpha ≤ 0.5 do not count. Twin: tests/oracles/multiview.py.
+    where it arrives at p': the mean of exp(-e)·e, e = |p' - p| in pixels, over pixels whose q is on one surface; those
+    with e ≥ 1 show two surfaces and add 0. Gradients leave the factor exp(-e) alone. Pixels with alpha ≤ 0.5 do not
+    count, and a mean is over a quarter of the view's pixels at least. Twin: tests/oracles/multiview.py.
 
     Args:
         depth: D, by either definition; differentiable.
