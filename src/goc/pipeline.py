@@ -36,7 +36,7 @@ PRESETS = {
             sh_degree=3,
             depth="expected",
             labels="learned",
-            losses=LossWeights(depth=0.3),
+            losses=LossWeights(depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1),
             mcmc=Mcmc(growth=0.05),
         )
     ),
