@@ -11,7 +11,7 @@ from goc.capture import CaptureConfig, load_capture
 from goc.files import write_depth
 from goc.reconstruct import Mcmc, Monocular, ReconstructConfig, reconstruct
 from goc.reconstruct.losses import RenderedDepth
-from goc.reconstruct.monocular import aligned_capture, aligned_frame, refresh, start_alignment
+from goc.reconstruct.monocular import ROW, aligned_capture, aligned_frame, refresh, start_alignment
 from goc.reconstruct.priors import geometry_priors
 from goc.scene import Capture, PointCloud
 
@@ -59,6 +59,10 @@ def known(capture: Capture, views=range(8), side: int = 16) -> dict:
 def shown(depth: torch.Tensor, alpha: float = 1.0) -> RenderedDepth:
     opaque = torch.full_like(depth, alpha)
     return RenderedDepth(numerator=depth * opaque, denominator=opaque, alpha=opaque)
+
+
+def row_of(k: float, b: float) -> torch.Tensor:
+    return torch.cat([torch.tensor([k, b, 0.0, b / k]), torch.zeros(ROW - 4)])
 
 
 @pytest.fixture(scope="module")
@@ -110,7 +114,7 @@ def test_ramps_of_blurred_edges_are_left_out(affine):
     """A step from 1 m to 3 m, smeared over five pixels; the slanted floor stays."""
     frame = affine[0]
     depth = (1.0 + (torch.arange(64) - 30).clamp(0, 5) / 2.5).expand(48, 64)
-    row = torch.tensor([1.0, 0.0, 0.0, 0.0])
+    row = row_of(1.0, 0.0)
     found = aligned_frame(replace(frame, depth=depth), row, "affine").depth
     assert torch.isnan(found[:, 30:35]).all() and torch.isfinite(found[:, :28]).all()
     assert torch.isfinite(found[:, 38:]).all()
@@ -122,20 +126,20 @@ def test_ramps_of_blurred_edges_are_left_out(affine):
 def test_a_refresh_follows_the_rendered_depth_when_it_is_due(affine):
     config = Monocular(refresh_every=2, smoothing=0.5)
     k, b = LINES[3]
-    row = torch.tensor([k * 1.2, b, 0.0, b / (k * 1.2)])
+    row = row_of(k * 1.2, b)
     before = row.clone()
     refresh(row, affine[3], "affine", shown(truth(3)), 1, config)
     assert torch.equal(row, before)
     refresh(row, affine[3], "affine", shown(truth(3)), 2, config)
     assert row[:3].tolist() == pytest.approx([k * 1.1, b, 2.0], abs=0.01)
-    unknown = torch.full((4,), torch.nan)
+    unknown = torch.full((ROW,), torch.nan)
     refresh(unknown, affine[3], "affine", shown(truth(3)), 0, config)
-    assert unknown.tolist() == pytest.approx([k, b, 0.0, b / k], abs=0.01)
+    assert unknown[:4].tolist() == pytest.approx([k, b, 0.0, b / k], abs=0.01)
 
 
 @pytest.mark.parametrize("rendered", [shown(torch.full((48, 64), 2.0)), shown(torch.ones(48, 64), alpha=0.1)])
 def test_a_refresh_without_an_answer_leaves_the_old_one(affine, rendered):
-    row = torch.tensor([1.0, 0.1, 0.0, 0.1])
+    row = row_of(1.0, 0.1)
     before = row.clone()
     refresh(row, affine[0], "affine", rendered, 5, Monocular())
     assert torch.equal(row, before)
@@ -145,7 +149,7 @@ def test_a_refresh_without_an_answer_leaves_the_old_one(affine, rendered):
 
 def test_normals_follow_the_shape_not_the_scale(affine):
     priors = geometry_priors(affine, True, Monocular(refresh_every=1, smoothing=0.0))
-    views = {"alignment": torch.full((8, 4), torch.nan)}
+    views = {"alignment": torch.full((8, ROW), torch.nan)}
     first = priors(0, views, shown(truth(0)), 0)
     row = views["alignment"][0].clone()
     doubled = priors(0, views, shown(2.0 * truth(0)), 1)
@@ -160,7 +164,7 @@ def test_given_normals_count_without_depth(affine):
     normals = torch.zeros(48, 64, 3)
     normals[..., 2] = -1.0
     bare = replace(affine, load=lambda index: replace(affine[index], depth=None, normals=normals))
-    views = {"alignment": torch.full((8, 4), torch.nan)}
+    views = {"alignment": torch.full((8, ROW), torch.nan)}
     for kind in ("affine", "metric"):
         found = geometry_priors(replace(bare, depth_kind=kind), True, Monocular())(0, views, shown(truth(0)), 0)
         assert torch.isnan(found.depth).all() and torch.equal(found.normals, normals)

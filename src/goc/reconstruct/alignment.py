@@ -69,6 +69,45 @@ def align(
     return line.float() if line[0] > 0 and fitted.median() > 0 and varies else None
 
 
+CELLS = 12
+"""Side of the grid on which a view's slow errors are kept."""
+_RIDGE = 0.05
+"""Share of a cell's pixels that say there is no error, against the few that say otherwise."""
+
+
+def slow_errors(known: Float[Tensor, "r c"], aligned: Float[Tensor, "r c"]) -> Float[Tensor, "12 12"]:
+    """The smooth part of known / aligned - 1: what networks get wrong beyond one scale and one offset.
+
+    Means over the cells of a grid, blurred over neighbouring cells and drawn towards 0 where little is known; samples
+    far from that surface are rejected (Tukey, three rounds). Locally weighted alignment, as in Xu et al. (2022).
+    """
+    ratio = known / aligned - 1.0
+    there = torch.isfinite(ratio)
+    if int(there.sum()) < _FEWEST:
+        return torch.zeros(CELLS, CELLS)
+    ratio = torch.where(there, ratio, 0.0)
+    field = torch.zeros(CELLS, CELLS)
+    for _ in range(3):
+        error = (ratio - spread(field, *ratio.shape)).abs()
+        sigma = _SIGMA_OF_MAD * error[there].median() + _EXACT
+        weight = (1.0 - (error / (_TUKEY * sigma)).square()).clamp_min(0.0).square() * there
+        field = _blurred(weight * ratio) / (_blurred(weight) + _RIDGE)
+    return field
+
+
+def spread(field: Float[Tensor, "r c"], height: int, width: int) -> Float[Tensor, "h w"]:
+    """The field of a grid at every pixel, bilinearly."""
+    size = (height, width)
+    return torch.nn.functional.interpolate(field[None, None], size, mode="bilinear", align_corners=False)[0, 0]
+
+
+def _blurred(image: Float[Tensor, "h w"]) -> Float[Tensor, "12 12"]:
+    """Means over cells, then a binomial blur of five cells."""
+    cells = torch.nn.functional.adaptive_avg_pool2d(image[None, None], CELLS)
+    taps = torch.tensor([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+    return torch.nn.functional.conv2d(cells, torch.outer(taps, taps)[None, None], padding=2)[0, 0]
+
+
 def aligned_depth(stored: Float[Tensor, "h w"], line: Float[Tensor, "2"], kind: DepthKind) -> Float[Tensor, "h w"]:
     """z, scene units, of depth as stored and its (k, b); NaN where there is none, or none before the camera."""
     fitted = line[0] * stored + line[1]

@@ -124,6 +124,8 @@ class Monocular:
     """Epochs between fits of a view's scale and offset to the depth of the splats; 0 keeps those of the start."""
     smoothing: float = 0.5
     """Share of the old scale and offset that a new fit leaves."""
+    bend: bool = True
+    """Fit"""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Monocular depth made comparable: scale and offset of each view, found before the start and again as splats improve.
 
-What is known of a view is one row of `State.views["alignment"]`: k, b, the epoch in which they were last fitted, and
-the b / k that its fitted normals belong to (the shape of a surface depends on nothing else). NaN = not aligned.
+What is known of a view is one row of `State.views["alignment"]`: k, b, the epoch in which they were last fitted, the
+b / k that its fitted normals belong to (the shape of a surface depends on nothing else), and a grid of slow errors, by
+which k·D + b is stretched. NaN = not aligned.
 """
 
 import math
@@ -13,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from goc.events import Listener, Progress, Warned
-from goc.reconstruct.alignment import align, aligned_depth
+from goc.reconstruct.alignment import CELLS, align, aligned_depth, slow_errors, spread
 from goc.reconstruct.config import Monocular
 from goc.reconstruct.losses import RenderedDepth
 from goc.scene.camera import Camera
@@ -21,6 +22,7 @@ from goc.scene.capture import Capture, DepthKind, Frame, PointCloud
 
 ALIGNMENT = "alignment"
 SCALE, OFFSET, EPOCH, SHAPE = range(4)
+ROW = 4 + CELLS * CELLS
 KnownDepths = Mapping[int, tuple[Camera, Float[Tensor, "_h _w"]]]
 """Depth of views that is known before there are splats: z, scene units, NaN = none, and the camera of its raster."""
 
@@ -36,7 +38,7 @@ _SAME_SHAPE = 0.02
 _SAMPLES = 2048
 
 
-def start_alignment(capture: Capture, views: list[int], known: KnownDepths, notify: Listener) -> Float[Tensor, "n 4"]:
+def start_alignment(capture: Capture, views: list[int], known: KnownDepths, notify: Listener) -> Float[Tensor, "n r"]:
     """Align each view's depth with what is known of it: depths of other origin, and the capture's points.
 
     Args:
@@ -45,37 +47,34 @@ def start_alignment(capture: Capture, views: list[int], known: KnownDepths, noti
         known: depth from elsewhere, such as stereo; may be empty or lack views.
         notify: hears Warned of the views that could not be aligned. They get no seeds, and no loss until a refresh.
     """
-    rows = torch.full((len(capture), 4), torch.nan)
+    rows = torch.full((len(capture), ROW), torch.nan)
     unaligned = []
     for done, view in enumerate(views, 1):
         frame = capture[view]
+        if frame.depth is not None:
+            given = _known(frame, capture.points, known.get(view))
+            rows[view] = _row(frame.depth, given, capture.depth_kind)
+            unaligned += [] if torch.isfinite(rows[view, SCALE]) else [capture.names[view]]
         notify(Progress(stage="align", done=done, total=len(views)))
-        if frame.depth is None:
-            continue
-        samples = [_of_points(frame.camera, frame.depth, capture.points)] if capture.points is not None else []
-        if view in known:
-            samples.append(_of_raster(frame.depth, known[view][1]))
-        stored, depth = (torch.cat(parts) for parts in zip(*samples, strict=True)) if samples else (torch.zeros(0),) * 2
-        line = align(stored, depth, capture.depth_kind)
-        if line is None:
-            unaligned.append(capture.names[view])
-        else:
-            rows[view] = torch.stack([line[0], line[1], torch.tensor(0.0), line[1] / line[0]])
     if unaligned:
         counted = f"{len(unaligned)} of {len(views)} views (first: {unaligned[0]})"
         notify(Warned(stage="reconstruct", message=f"the depth of {counted} agrees with nothing known"))
     return rows
 
 
-def aligned_frame(frame: Frame, row: Float[Tensor, "4"], kind: DepthKind) -> Frame:
+def aligned_frame(frame: Frame, row: Float[Tensor, "r"], kind: DepthKind) -> Frame:
     """The frame with depth in scene units, without the ramps of blurred edges; without depth where not aligned."""
     if frame.depth is None or not torch.isfinite(row[SCALE]):
         return replace(frame, depth=None)
-    depth = aligned_depth(frame.depth, row[:2], kind)
+    depth = _bent(row, aligned_depth(frame.depth, row[:2], kind))
     return replace(frame, depth=torch.where(_ramps(depth, frame.camera), torch.nan, depth))
 
 
-def aligned_capture(capture: Capture, rows: Float[Tensor, "n 4"]) -> Capture:
+def _bent(row: Float[Tensor, "r"], depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
+    return depth * (1.0 + spread(row[4:].view(CELLS, CELLS), *depth.shape))
+
+
+def aligned_capture(capture: Capture, rows: Float[Tensor, "n r"]) -> Capture:
     """The capture with its depth aligned: what a depth camera would have seen, as far as is known."""
     kind = capture.depth_kind
     some = bool(torch.isfinite(rows[:, SCALE]).any())
@@ -83,7 +82,7 @@ def aligned_capture(capture: Capture, rows: Float[Tensor, "n 4"]) -> Capture:
     return replace(capture, load=load, has_depth=some, depth_kind="metric")
 
 
-def shape_of(frame: Frame, row: Float[Tensor, "4"], kind: DepthKind) -> Float[Tensor, "h w"]:
+def shape_of(frame: Frame, row: Float[Tensor, "r"], kind: DepthKind) -> Float[Tensor, "h w"]:
     """Depth up to scale, as the row's fitted normals see it."""
     assert frame.depth is not None
     return aligned_depth(frame.depth, torch.stack([torch.tensor(1.0), row[SHAPE]]), kind)
@@ -91,7 +90,7 @@ def shape_of(frame: Frame, row: Float[Tensor, "4"], kind: DepthKind) -> Float[Te
 
 @torch.no_grad()
 def refresh(
-    row: Float[Tensor, "4"], frame: Frame, kind: DepthKind, shown: RenderedDepth, epoch: int, config: Monocular
+    row: Float[Tensor, "r"], frame: Frame, kind: DepthKind, shown: RenderedDepth, epoch: int, config: Monocular
 ) -> None:
     """Fit k, b again, in place, to the depth that the splats show, if it is time to.
 
@@ -106,11 +105,16 @@ def refresh(
     at = (slice(step // 2, None, step),) * 2
     seen = (shown.alpha[at] > _MIN_ALPHA) & (shown.denominator[at] > 1e-6)
     depth = torch.where(seen, shown.numerator[at] / shown.denominator[at], torch.nan)
-    line = align(frame.depth[at].reshape(-1), depth.reshape(-1), kind)
+    stored = frame.depth[at]
+    field = spread(row[4:].view(CELLS, CELLS), *stored.shape)
+    line = align(stored.reshape(-1), (depth if fresh else depth / (1.0 + field)).reshape(-1), kind)
     if line is None:
         return
     kept = 0.0 if fresh else config.smoothing
     row[:2] = line if fresh else kept * row[:2] + (1.0 - kept) * line
+    if fresh or config.bend:
+        errors = slow_errors(depth, aligned_depth(stored, row[:2], kind)).reshape(-1)
+        row[4:] = errors if fresh else kept * row[4:] + (1.0 - kept) * errors
     row[EPOCH] = float(epoch)
     shape = row[OFFSET] / row[SCALE]
     size = frame.depth[at].nanmedian() + shape
@@ -118,32 +122,47 @@ def refresh(
         row[SHAPE] = shape
 
 
-def _of_raster(
-    stored: Float[Tensor, "h w"], depth: Float[Tensor, "r c"]
-) -> tuple[Float[Tensor, "p"], Float[Tensor, "p"]]:
-    """Stored depth at the middle of each pixel of another raster of the same view, with what is known there."""
-    rows = ((torch.arange(depth.shape[0]) + 0.5) * stored.shape[0] / depth.shape[0]).long()
-    columns = ((torch.arange(depth.shape[1]) + 0.5) * stored.shape[1] / depth.shape[1]).long()
-    return stored[rows][:, columns].reshape(-1), depth.reshape(-1)
+def _row(stored: Float[Tensor, "h w"], known: Float[Tensor, "h w"], kind: DepthKind) -> Float[Tensor, "r"]:
+    line = align(stored.reshape(-1), known.reshape(-1), kind)
+    if line is None:
+        return torch.full((ROW,), torch.nan)
+    field = slow_errors(known, aligned_depth(stored, line, kind))
+    return torch.cat([line, torch.stack([torch.tensor(0.0), line[1] / line[0]]), field.reshape(-1)])
 
 
-def _of_points(
-    camera: Camera, stored: Float[Tensor, "h w"], points: PointCloud
-) -> tuple[Float[Tensor, "p"], Float[Tensor, "p"]]:
-    """Stored and true depth of the points in view; of points that share a cell, only the near ones."""
+def _known(
+    frame: Frame, points: PointCloud | None, depth: tuple[Camera, Float[Tensor, "_h _w"]] | None
+) -> Float[Tensor, "h w"]:
+    """All that is known of a view's depth, at the pixels where it is known."""
+    camera = frame.camera
+    raster = torch.full((camera.height, camera.width), torch.nan)
+    if depth is not None:
+        height, width = depth[1].shape
+        rows = ((torch.arange(height) + 0.5) * camera.height / height).long()
+        columns = ((torch.arange(width) + 0.5) * camera.width / width).long()
+        raster[rows[:, None], columns] = depth[1]
+    if points is not None:
+        seen = _points_raster(camera, torch.from_numpy(points.positions))
+        raster = torch.where(torch.isfinite(seen), seen, raster)
+    return raster
+
+
+def _points_raster(camera: Camera, points: Float[Tensor, "p 3"]) -> Float[Tensor, "h w"]:
+    """Depth of the points in view, NaN elsewhere; of points that share a cell, only the near ones."""
     view = camera.cam_from_world
-    centres = torch.from_numpy(points.positions) @ view[:3, :3].T + view[:3, 3]
+    centres = points @ view[:3, :3].T + view[:3, 3]
     z = centres[:, 2]
     px = centres[:, :2] / z.clamp_min(1e-6)[:, None] * camera.focal_px + camera.centre_px
-    size = torch.tensor([camera.width, camera.height])
-    inside = (z > 1e-6) & (px >= 0).all(-1) & (px < size).all(-1)
-    z, px = z[inside], px[inside]
-    cell = (px * (_CELLS / camera.width)).long()
+    inside = (z > 1e-6) & (px >= 0).all(-1) & (px < torch.tensor([camera.width, camera.height])).all(-1)
+    z, px = z[inside], px[inside].long()
+    cell = px * _CELLS // camera.width
     key = cell[:, 1] * _CELLS + cell[:, 0]
-    nearest = torch.full((int(key.max()) + 1 if len(key) else 0,), torch.inf).scatter_reduce(0, key, z, "amin")
+    rows = -(-camera.height * _CELLS // camera.width)
+    nearest = torch.full((rows * _CELLS,), torch.inf).scatter_reduce(0, key, z, "amin")
     near = z <= nearest[key] * (1.0 + _BEHIND)
-    x, y = px[near].long().unbind(-1)
-    return stored[y, x], z[near]
+    raster = torch.full((camera.height * camera.width,), torch.inf)
+    raster = raster.scatter_reduce(0, (px[:, 1] * camera.width + px[:, 0])[near], z[near], "amin")
+    return torch.where(torch.isfinite(raster), raster, torch.nan).view(camera.height, camera.width)
 
 
 def _ramps(depth: Float[Tensor, "h w"], camera: Camera) -> Bool[Tensor, "h w"]:
