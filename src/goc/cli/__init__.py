@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from goc import __version__
 from goc.cli.failures import guarded
 
-_COMMANDS = ("carve", "demo", "synth", "bench", "doctor")
+_COMMANDS = ("carve", "demo", "eval", "synth", "bench", "doctor")
 _USAGE = """\
 usage: goc [--help] [--version] COMMAND ...
 
@@ -22,6 +22,7 @@ commands:
   carve CAPTURE --out OUT   turn a folder of posed photographs into a scene and its objects
   demo                      make a furnished room, photograph it and carve it: needs no data
   synth room|sensor         make a room with complete ground truth, or give a capture a sensor's faults
+  eval RUN --truth CAPTURE  score a run against complete ground truth, by protocols of fixed numbers
   bench                     measure the paper's tables again, and write them as Markdown
   doctor                    say what this machine can do, and how to mend what it cannot
 

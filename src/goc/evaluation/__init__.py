@@ -11,6 +11,7 @@ from goc.evaluation.result import (
     ObjectEvaluation,
     Protocol,
 )
+from goc.evaluation.write import write_evaluation
 
 __all__ = [
     "Counts",
@@ -22,4 +23,5 @@ __all__ = [
     "ObjectEvaluation",
     "Protocol",
     "evaluate",
+    "write_evaluation",
 ]

@@ -6,13 +6,15 @@ import numpy as np
 import scipy
 
 from goc import __version__
-from goc.errors import EvaluationError
+from goc.capture import load_capture
 from goc.evaluation.judged import Judged, Task, finite, means
 from goc.evaluation.labels import nearest_id
 from goc.evaluation.matching import match_by_id, match_by_shape
 from goc.evaluation.metrics import sample_surface
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.protocol_goc import judge_goc
+from goc.evaluation.protocol_phyrecon import judge_phyrecon
+from goc.evaluation.protocol_replica import judge_replica
 from goc.evaluation.result import (
     Counts,
     Evaluation,
@@ -54,7 +56,8 @@ def evaluate(
         notify: Hears progress.
 
     Raises:
-        EvaluationError: the run holds no objects, or a protocol lacks what it needs.
+        EvaluationError: the run is no such folder.
+        CaptureError: a protocol needs the training poses, and the truth is no readable capture.
         FileError: a file of either is missing or malformed.
     """
     task, chosen = _task(run, truth, matching, meshes, seed)
@@ -97,10 +100,12 @@ def _task(run: Path, truth: Path, matching: Matching | None, meshes: MeshChoice,
 
 
 def _judge(protocol: Protocol, truth: Path, task: Task, notify: Listener) -> Judged:
-    match protocol:
-        case "goc":
-            return judge_goc(task, notify)
-    raise EvaluationError(f"No protocol {protocol!r}.")
+    if protocol == "goc":
+        return judge_goc(task, notify)
+    cameras = load_capture(truth).cameras
+    if protocol == "phyrecon-scannet":
+        return judge_phyrecon(task, cameras, notify)
+    return judge_replica(task, cameras, notify)
 
 
 def _object(task: Task, judged: Judged, id: int) -> ObjectEvaluation:

@@ -1,6 +1,7 @@
 """Pictures of meshes: each from its own best angle, lit, on a neutral ground."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Float64, UInt8
@@ -23,6 +24,9 @@ _REACH, _ROOM_REACH = 0.6, 0.12
 _AZIMUTHS, _ELEVATIONS = 16, (0.35, 0.75)
 _TRIAL_PX = 40
 
+Paint = Callable[[Float64[np.ndarray, "n 3"]], Float64[np.ndarray, "n 3"]]
+"""Colours of points on a surface, 0 … 255."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Subject:
@@ -37,6 +41,8 @@ class _Subject:
     up: Float64[np.ndarray, "3"]
     reach: float
     """How far surfaces darken each other."""
+    paint: Paint | None = None
+    """Colours in place of the vertices'; the inside then keeps half of them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -72,6 +78,33 @@ def dollhouse(mesh: Mesh, up: Float[np.ndarray, "3"], size: int) -> UInt8[np.nda
     directions = [towards for towards in _directions(up) if towards @ up > np.sin(0.5)]
     direction = max(directions, key=lambda towards: _variety(subject, towards))
     return _picture(subject, direction, size, ground=False)
+
+
+def turntable(
+    mesh: Mesh, up: Float[np.ndarray, "3"], size: int, around: Mesh, paint: Paint | None = None, count: int = 3
+) -> list[UInt8[np.ndarray, "size size 3"]]:
+    """Picture a mesh from several sides as if `around` stood in its place: two meshes so pictured compare by pixel.
+
+    Args:
+        mesh: any frame.
+        up: unit, the mesh's frame.
+        size: width and height, pixels.
+        around: decides where the camera stands and how far off; the first picture is from its best angle.
+        paint: colours of points on the surface, in place of the vertices'.
+        count: sides, evenly spaced.
+    """
+    framed = _subject(around, up, _REACH)
+    first = max(_directions(up), key=lambda towards: _outside_seen(framed, towards))
+    subject = replace(
+        _subject(mesh, up, _REACH), centre=framed.centre, radius=framed.radius, reach=framed.reach, paint=paint
+    )
+    turns = np.arange(count) * 2 * np.pi / count
+    return [_picture(subject, _turned(first, subject.up, turn), size, ground=True) for turn in turns]
+
+
+def _turned(towards: Float64[np.ndarray, "3"], up: Float64[np.ndarray, "3"], angle: float) -> Float64[np.ndarray, "3"]:
+    """A direction turned about the vertical (Rodrigues)."""
+    return np.cos(angle) * towards + np.sin(angle) * np.cross(up, towards) + (1 - np.cos(angle)) * (up @ towards) * up
 
 
 def _subject(mesh: Mesh, up: Float[np.ndarray, "3"], reach: float) -> _Subject:
@@ -174,14 +207,18 @@ def _lit(
     """Colour times a soft key light, a fill light and the share of open sky."""
     corners = subject.scene.faces[sight.hits.triangle[seen]]
     weights = sight.hits.barycentrics[seen][..., None]
-    colours = (subject.colours[corners] * weights).sum(1)
     normals = _unit((subject.normals[corners] * weights).sum(1))
     inside = sight.inside[seen]
     normals[inside] *= -1.0
-    colours[inside] = _INSIDE
+    points = sight.origins[seen] + sight.rays[seen] * sight.hits.t[seen, None]
+    if subject.paint is None:
+        colours = (subject.colours[corners] * weights).sum(1)
+        colours[inside] = _INSIDE
+    else:
+        colours = subject.paint(points)
+        colours[inside] = 0.5 * (colours[inside] + _INSIDE)
     right = np.cross(subject.up, towards)
     key = _unit((0.9 * subject.up + 0.6 * towards - 0.5 * right)[None])[0]
-    points = sight.origins[seen] + sight.rays[seen] * sight.hits.t[seen, None]
     sky = _open_sky(subject, points, normals)
     light = 0.42 * sky + 0.5 * np.clip(normals @ key, 0, 1) * (0.4 + 0.6 * sky) + 0.2 * np.clip(normals @ towards, 0, 1)
     return colours * light[:, None]

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
+from jaxtyping import Float32, Float64, Int32, Int64
 
 from goc import _native
 from goc.extract.depth import DepthView
@@ -85,31 +85,47 @@ class Surface:
 
 def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
     """Mesh the zero level of `values` (positive outside, NaN = leave open), one vertex a lattice edge."""
-    nudge = np.float32(1e-3 * volume.lattice.voxel)  # a vertex on a voxel would make triangles without area
-    values = np.where(np.abs(values) < nudge, nudge, values)
-    edges, faces = _native.isosurface(volume.lattice.blocks, values)
-    ends = values.reshape(-1)[edges].astype(np.float64)
-    share = ends[:, :1] / (ends[:, :1] - ends[:, 1:])
+    edges, share, positions, faces = _crossed(volume.lattice, values)
 
     def between(field: np.ndarray) -> np.ndarray:
         inner, outer = field[edges[:, 0]], field[edges[:, 1]]
         return inner + (outer - inner) * share
 
-    block, offset = np.divmod(edges, BLOCK**3)
-    index = volume.lattice.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
-    positions = volume.lattice.origin + volume.lattice.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
     colours = between(volume.colours().reshape(-1, 3))
     own = volume.weight.reshape(-1)[edges]
     against = (volume.other + volume.empty).reshape(-1)[edges]
     return Surface(
         mesh=Mesh(
-            vertices=positions.astype(np.float32),
+            vertices=positions,
             faces=faces,
             colours=np.clip(np.rint(colours), 0, 255).astype(np.uint8),
         ),
         weight=own.min(axis=1),
         agreement=own.sum(axis=1) / np.maximum(own.sum(axis=1) + against.sum(axis=1), np.float32(1e-12)),
     )
+
+
+def zero_level(
+    lattice: Lattice, values: Float32[np.ndarray, "b 8 8 8"]
+) -> tuple[Float32[np.ndarray, "v 3"], Int32[np.ndarray, "t 3"]]:
+    """Vertices and faces of the zero level of `values` (positive outside, NaN = leave open), without colours."""
+    _, _, positions, faces = _crossed(lattice, values)
+    return positions, faces
+
+
+def _crossed(
+    lattice: Lattice, values: Float32[np.ndarray, "b 8 8 8"]
+) -> tuple[Int64[np.ndarray, "v 2"], Float64[np.ndarray, "v 1"], Float32[np.ndarray, "v 3"], Int32[np.ndarray, "t 3"]]:
+    """Lattice edges that the zero level crosses, by their two voxels; how far along; where that is; and the faces."""
+    nudge = np.float32(1e-3 * lattice.voxel)  # a vertex on a voxel would make triangles without area
+    values = np.where(np.abs(values) < nudge, nudge, values)
+    edges, faces = _native.isosurface(lattice.blocks, values)
+    ends = values.reshape(-1)[edges].astype(np.float64)
+    share = ends[:, :1] / (ends[:, :1] - ends[:, 1:])
+    block, offset = np.divmod(edges, BLOCK**3)
+    index = lattice.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
+    positions = lattice.origin + lattice.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
+    return edges, share, positions.astype(np.float32), faces
 
 
 def blocks_near(
