@@ -97,10 +97,10 @@ class Layout:
             self.things.append(thing)
         return thing
 
-    def fits(self, thing: Standing, gap: float) -> bool:
-        """Whether a thing lies inside the room and `gap` away from all others."""
+    def fits(self, thing: Standing, gap: float, below: Standing | None = None) -> bool:
+        """Whether a thing lies inside the room and `gap` away from all others but the one below it."""
         inside = (np.abs(thing.footprint.corners) <= self.size.half[:2] - 0.015).all()
-        others = [other.footprint for other in self.things] + list(self.kept_free)
+        others = [other.footprint for other in self.things if other is not below] + list(self.kept_free)
         return bool(inside) and all(thing.footprint.apart(other, gap) for other in others)
 
     def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> Standing | None:
@@ -120,7 +120,10 @@ class Layout:
         return None
 
     def on_top(self, model: Model, below: Standing, index: int, rng: np.random.Generator) -> Standing | None:
-        """On one of the tops of another thing, wholly inside its edge; None where there is no room left."""
+        """On one of the tops of another thing, wholly inside its edge; None where there is no room left.
+
+        The top promises that nothing of the thing below is in the way.
+        """
         top = below.top(index)
         low, high = model.bounds
         if high[2] - low[2] > top.clearance - 0.01:
@@ -132,6 +135,6 @@ class Layout:
                 continue
             shift = rotation("z", below.yaw)[:2, :2] @ (rng.uniform(-1, 1, 2) * room)
             thing = stand(model, top.x + shift[0], top.y + shift[1], top.z, below.yaw + float(turn))
-            if self.fits(thing, 0.03):
+            if self.fits(thing, 0.03, below):
                 return thing
         return None
