@@ -4,6 +4,7 @@ import csv
 import io
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -67,7 +68,7 @@ class Asset:
     has_back: bool
     """It is higher behind than before, as chairs are."""
 
-    @property
+    @cached_property
     def size(self) -> Float[np.ndarray, "3"]:
         """Width, depth, height."""
         low, high = self.model.bounds
@@ -208,7 +209,7 @@ def _check_size(size: Float[np.ndarray, "3"], source: MeshFolder) -> None:
 def _check_stands(vertices: Float[np.ndarray, "v 3"]) -> None:
     """The middle of the thing must lie over its base, and the base be wide enough for the height."""
     height = float(vertices[:, 2].max())
-    base = vertices[vertices[:, 2] <= max(0.005, 0.03 * height)][:, :2]
+    base = vertices[vertices[:, 2] <= max(0.005, 0.1 * height)][:, :2]
     try:
         hull = ConvexHull(base)
     except (QhullError, ValueError) as error:

@@ -39,7 +39,7 @@ class RoomConfig:
     views: int = 60
     """Number of photographs, at least 8."""
     sparse_views: int = 0
-    """Number of them, spread evenly, that transforms_sparse.json lists, or all where there are fewer; 0: no such file."""
+    """Number of them, spread evenly, that transforms_sparse.json lists (all where there are fewer); 0: no such file."""
     width: int = 320
     """Width of the photographs, pixels."""
     height: int = 240

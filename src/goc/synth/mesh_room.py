@@ -30,8 +30,8 @@ Rng = np.random.Generator
 _ATTEMPTS = 20
 _ON_FLOOR = 0.4
 """Share of the things that stand on the floor, where the folder has enough of each kind."""
-_FLOOR_AREA = 5.5
-"""Square metres that the things on the floor may cover, so that there is room to walk."""
+_FLOOR_AREA, _MOST_AREA = 5.5, 8.0
+"""Square metres that things on the floor may cover, so that there is room to walk: meshes, and built-in ones too."""
 _TRIED = 12
 """Meshes read for each thing in the room, at most."""
 _CONTACT = 0.01
@@ -90,6 +90,11 @@ def _stock(seed: int, objects: int, source: MeshFolder, notify: Listener) -> _St
     return _Stock(large=tuple(large), small=tuple(small))
 
 
+def _covered(assets: list[Asset]) -> float:
+    """Floor area, square metres."""
+    return sum(float(asset.size[:2].prod()) for asset in assets)
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Placer:
     """Furnishes one room."""
@@ -108,7 +113,10 @@ class _Placer:
         on_floor = round(_ON_FLOOR * self.count)
         if len(self.stock.small) < self.count - on_floor:
             on_floor = self.count - len(self.stock.small)
-        for asset in self._chosen_for_floor(on_floor):
+        chosen = self._chosen_for_floor(on_floor)
+        if _covered(chosen) > _MOST_AREA:
+            return False
+        for asset in chosen:
             if not self._keep(self._on_floor(asset), None):
                 return False
         for asset in self.stock.small:
@@ -136,8 +144,7 @@ class _Placer:
         """Add candidates until there are `count`, leaving out those for which the floor is too small."""
         kept = list(chosen)
         for asset in candidates:
-            covered = sum(float(each.size[:2].prod()) for each in [*kept, asset])
-            if len(kept) < count and covered <= _FLOOR_AREA:
+            if len(kept) < count and _covered([*kept, asset]) <= _FLOOR_AREA:
                 kept.append(asset)
         return kept
 

@@ -1,5 +1,7 @@
 """Samples of the true surfaces, in the layout that goc.evaluation judges by."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
@@ -77,7 +79,7 @@ def _skin(model: Model, count: int, rng: np.random.Generator) -> tuple[Samples, 
     Of built-in things, whose parts are closed, that is what no other part covers; of scanned ones, what can be seen
     from outside.
     """
-    scenes = [TriangleScene(item.solid.vertices.astype(np.float32), item.solid.faces) for item in model.parts]
+    scenes = [hull_of(replace(model, parts=(item,))).scene for item in model.parts]
     hull = hull_of(model).scene if any(item.scanned for item in model.parts) else None
     points, normals = np.zeros((0, 3)), np.zeros((0, 3))
     drawn = 0
