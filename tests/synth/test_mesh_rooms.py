@@ -184,20 +184,13 @@ def test_misuse_is_refused(tmp_path, meshes, capsys):
     assert "holds no meshes" in capsys.readouterr().err
 
 
-def test_the_command_makes_a_capture(tmp_path, capsys):
-    words = [
-        "synth",
-        "room",
-        str(tmp_path / "out"),
-        "--views",
-        "8",
-        "--width",
-        "32",
-        "--height",
-        "32",
-        "--samples",
-        "1",
-    ]
-    assert main([*words, "--objects", "6", "--seed", "2"]) == 0
+def test_the_command_makes_a_benchmark_room(tmp_path, capsys, monkeypatch):
+    asked = []
+    monkeypatch.setattr("goc.cli.synth.make_room_capture", lambda out, config, notify: asked.append((out, config)))
+    assert main(["synth", "room", str(tmp_path), "--meshes", "things", "--up", "y", "--objects", "30"]) == 0
+    assert main(["synth", "room", str(tmp_path), "--seed", "2"]) == 0
     assert "goc carve" in capsys.readouterr().out
-    assert len(list((tmp_path / "out/images").glob("*.jpg"))) == 8
+    (out, first), (_, second) = asked
+    assert out == tmp_path and (first.meshes.folder.name, first.meshes.up, first.objects) == ("things", "y", 30)
+    assert (second.views, second.sparse_views, second.width, second.height) == (170, 50, 384, 384)
+    assert second.meshes is None and (second.seed, second.objects, second.images) == (2, 10, "jpg")

@@ -9,9 +9,9 @@ from goc.synth.model import Model, Top
 from goc.synth.shapes import rotation
 from goc.synth.shell import RoomSize
 
-# Turn that brings a thing's back to the wall at +x, +y, -x, -y.
 Bounds = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
 """Lowest and highest corner."""
+# Turn that brings a thing's back to the wall at +x, +y, -x, -y.
 YAW_OF_WALL = (-np.pi / 2, 0.0, np.pi / 2, np.pi)
 
 

@@ -114,7 +114,7 @@ class _Placer:
         if len(self.stock.small) < self.count - on_floor:
             on_floor = self.count - len(self.stock.small)
         chosen = self._chosen_for_floor(on_floor)
-        if _covered(chosen) > _MOST_AREA:
+        if len(chosen) < on_floor or _covered(chosen) > _MOST_AREA:
             return False
         for asset in chosen:
             if not self._keep(self._on_floor(asset), None):
@@ -136,7 +136,7 @@ class _Placer:
             chosen.append(next(built_in))
         rest = [asset for asset in large if not any(asset is other for other in chosen)]
         chosen = self._within_area(rest, count, chosen)
-        while len(chosen) < count:
+        while len(chosen) < count and _covered(chosen) <= _MOST_AREA:
             chosen.append(next(built_in))
         return sorted(chosen, key=lambda asset: -float(asset.size[:2].prod()))
 
