@@ -1,6 +1,6 @@
 import pytest
 
-from goc.synth.demo import RoomConfig, make_demo_capture
+from goc.synth.captures import RoomConfig, make_room_capture
 from goc.synth.lighting import bake
 from goc.synth.room import furnish_room
 from goc.synth.surfaces import gather_surfaces
@@ -32,4 +32,4 @@ def lit(room, surfaces):
 def demo_capture(tmp_path_factory):
     """A small capture, and the events that were heard while it was made."""
     heard = []
-    return make_demo_capture(tmp_path_factory.mktemp("demo") / "capture", CONFIG, heard.append), heard
+    return make_room_capture(tmp_path_factory.mktemp("demo") / "capture", CONFIG, heard.append), heard

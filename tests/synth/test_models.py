@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from goc.files.colour import encode_srgb
 from goc.synth import decor, furniture
 from goc.synth.materials import linear
-from goc.synth.model import encode_srgb, mesh_of
+from goc.synth.model import mesh_of
 from goc.synth.style import choose_style
 from oracles.watertight import trouble
 

@@ -3,9 +3,8 @@ import pytest
 import torch
 
 from goc.errors import ConfigError
+from goc.files.colour import decode_srgb, encode_srgb
 from goc.scene import ROOM, UNLABELLED, Camera
-from goc.synth.materials import decode_srgb
-from goc.synth.model import encode_srgb
 from goc.synth.sensor import (
     ImageFaults,
     Lidar,

@@ -14,7 +14,7 @@ from goc.cli.progress import shown_progress
 from goc.export import ExportConfig, check_output
 from goc.files import is_file
 from goc.pipeline import PRESETS
-from goc.synth.demo import RoomConfig, make_demo_capture
+from goc.synth.captures import RoomConfig, make_room_capture
 
 _DESCRIPTION = """Make a furnished room, photograph it, and carve it. Needs no data and no network.
 
@@ -59,5 +59,5 @@ def _photograph(capture: Path) -> None:
     making = capture.with_name(".room.making")
     shutil.rmtree(making, ignore_errors=True)
     with shown_progress() as notify:
-        make_demo_capture(making, RoomConfig(), notify)
+        make_room_capture(making, RoomConfig(), notify)
     making.rename(capture)

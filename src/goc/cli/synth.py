@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -10,6 +10,8 @@ import tyro
 
 from goc.cli.progress import shown_progress
 from goc.errors import ConfigError
+from goc.synth.assets import MeshFolder
+from goc.synth.captures import RoomConfig, make_room_capture
 from goc.synth.sensor import (
     ImageFaults,
     Lidar,
@@ -26,10 +28,23 @@ usage: goc synth [--help] COMMAND ...
 Make captures with complete ground truth.
 
 commands:
+  room OUT              photograph a furnished room: built-in furniture, or any folder of meshes
   sensor CAPTURE OUT    copy a capture as an imperfect sensor would have made it
 
 `goc synth COMMAND --help` tells all settings.
 """
+_ROOM = """Photograph a furnished room, with complete ground truth, as nerfstudio folder.
+
+OUT gets images, exact depth and ids, transforms.json (all views), transforms_sparse.json (some), and gt/ for
+`goc eval`. The room is furnished with built-in furniture, or with the .glb, .obj and .ply meshes of a folder: large
+ones on the floor, small ones on them. The same seed gives the same bytes.
+
+examples:
+  goc synth room rooms/0
+  goc synth room rooms/1 --seed 1 --objects 14 --normals
+  goc synth room rooms/2 --seed 2 --meshes objects --split val
+  goc synth room rooms/3 --meshes downloads --up y --scale 0.01      GLB files, y up, in centimetres
+  goc synth room tiny --views 12 --width 96 --height 96              for a quick look"""
 _SENSOR = """Copy a capture (nerfstudio folder, metric depth) as an imperfect sensor would have made it.
 
 What no fault touches is shared with CAPTURE. The same seed gives the same bytes. What OUT hides (exact poses; scale
@@ -43,6 +58,45 @@ examples:
       --pose.translation-m 0.005 --masks 0.1
   goc synth sensor room only-noise --model kinect --kinect.disparity-step 0 --kinect.jitter-px 0 \\
       --kinect.grazing-deg 90 --kinect.edge-holes 0"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Photographs(RoomConfig):
+    """RoomConfig with the defaults of a benchmark room."""
+
+    views: int = 170
+    sparse_views: int = 50
+    width: int = 384
+    height: int = 384
+    objects: int = 10
+    images: Literal["png", "jpg"] = "jpg"
+    meshes: tyro.conf.Suppress[MeshFolder | None] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Meshes(MeshFolder):
+    """MeshFolder where there may be none."""
+
+    folder: Annotated[Path | None, tyro.conf.arg(name="meshes", metavar="FOLDER", help_behavior_hint="")] = None
+    """Furnish the room with the meshes of this folder and its folders; the settings below are for them."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class RoomArguments:
+    """What stands behind `goc synth room`."""
+
+    out: Annotated[Path, tyro.conf.arg(metavar="OUT"), tyro.conf.Positional]
+    """Folder for the capture: new or empty."""
+    room: Annotated[Photographs, tyro.conf.arg(name="")] = field(default_factory=Photographs)
+    meshes: Annotated[Meshes, tyro.conf.arg(name="")] = field(default_factory=Meshes)
+
+    def config(self) -> RoomConfig:
+        """The settings of both groups as one; refuses settings for meshes without meshes."""
+        if self.meshes.folder is not None:
+            return replace(self.room, meshes=self.meshes)
+        if self.meshes != Meshes():
+            raise ConfigError("--split, --up, --scale, --min-m and --max-m are for meshes. Add --meshes FOLDER.")
+        return self.room
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,9 +137,18 @@ def main(words: Sequence[str]) -> int:
         case [] | ["-h" | "--help" | "help", *_]:
             sys.stdout.write(_USAGE)
             return 0
+        case ["room", *rest]:
+            return _photograph(tyro.cli(RoomArguments, prog="goc synth room", description=_ROOM, args=rest))
         case ["sensor", *rest]:
             return _degrade(tyro.cli(Sensor, prog="goc synth sensor", description=_SENSOR, args=rest))
     raise ConfigError(f"no command `goc synth {words[0]}`. `goc synth --help` tells what there is.")
+
+
+def _photograph(arguments: RoomArguments) -> int:
+    with shown_progress() as notify:
+        make_room_capture(arguments.out, arguments.config(), notify)
+    sys.stdout.write(f"The capture is {arguments.out}; carve it: goc carve {arguments.out} --out carved\n")
+    return 0
 
 
 def _degrade(arguments: Sensor) -> int:

@@ -1,5 +1,6 @@
 """The one I/O layer: strict readers that raise FileError and nothing else, and writers that never leave half a file."""
 
+from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh, welded
 from goc.files.atomic import move_file, write_atomic, write_bytes
 from goc.files.documents import read_json, read_matrix, write_json
 from goc.files.images import (
@@ -21,11 +22,13 @@ from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 
 __all__ = [
+    "MESH_SUFFIXES",
     "Lists",
     "image_size",
     "is_file",
     "is_folder",
     "move_file",
+    "read_any_mesh",
     "read_bytes",
     "read_depth",
     "read_ids",
@@ -39,6 +42,7 @@ __all__ = [
     "read_points",
     "read_splats",
     "read_tensors",
+    "welded",
     "write_atomic",
     "write_bytes",
     "write_depth",

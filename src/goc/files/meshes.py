@@ -24,7 +24,7 @@ def write_mesh(path: Path, mesh: Mesh, observed: Bool[np.ndarray, "v"] | None = 
     Raises:
         FileError: an index out of range or a position that is not finite (nothing is written), or the disk refuses.
     """
-    _check_mesh(path, mesh.vertices, mesh.faces)
+    check_mesh(path, mesh.vertices, mesh.faces)
     vertex = _xyz(mesh.vertices) | _rgb(mesh.colours)
     if observed is not None:
         vertex["observed"] = observed.astype(np.uint8)
@@ -146,7 +146,8 @@ def _rgb(colours: UInt8[np.ndarray, "v 3"] | None) -> dict[str, np.ndarray]:
     return {} if colours is None else {name: colours[:, i] for i, name in enumerate(("red", "green", "blue"))}
 
 
-def _check_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+def check_mesh(path: Path, vertices: np.ndarray, faces: np.ndarray) -> None:
+    """Refuse (FileError) positions that are not finite and faces that name vertices that are not there."""
     _check_finite(path, vertices)
     _check_indices(path, faces.reshape(-1), len(vertices))
 

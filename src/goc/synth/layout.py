@@ -9,6 +9,8 @@ from goc.synth.model import Model, Top
 from goc.synth.shapes import rotation
 from goc.synth.shell import RoomSize
 
+Bounds = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
+"""Lowest and highest corner."""
 # Turn that brings a thing's back to the wall at +x, +y, -x, -y.
 YAW_OF_WALL = (-np.pi / 2, 0.0, np.pi / 2, np.pi)
 
@@ -74,13 +76,18 @@ class Standing:
 
 def stand(model: Model, x: float, y: float, z: float, yaw: float) -> Standing:
     """Put a thing somewhere; its lowest point comes to lie at z."""
-    low, high = model.bounds
+    bounds = model.bounds
+    world = model.turned(yaw).moved(x, y, z - bounds[0][2])
+    return Standing(model=world, footprint=_footprint(bounds, x, y, z, yaw), local=model, x=x, y=y, z=z, yaw=yaw)
+
+
+def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> Footprint:
+    """Of a thing with these bounds in its own frame."""
+    low, high = bounds
     middle = rotation("z", yaw)[:2, :2] @ (low + high)[:2] / 2
-    footprint = Footprint(
+    return Footprint(
         centre=np.array([x, y]) + middle, half=(high - low)[:2] / 2, yaw=yaw, low=z, high=z + high[2] - low[2]
     )
-    world = model.turned(yaw).moved(x, y, z - low[2])
-    return Standing(model=world, footprint=footprint, local=model, x=x, y=y, z=z, yaw=yaw)
 
 
 class Layout:
@@ -97,11 +104,11 @@ class Layout:
             self.things.append(thing)
         return thing
 
-    def fits(self, thing: Standing, gap: float) -> bool:
-        """Whether a thing lies inside the room and `gap` away from all others."""
-        inside = (np.abs(thing.footprint.corners) <= self.size.half[:2] - 0.015).all()
-        others = [other.footprint for other in self.things] + list(self.kept_free)
-        return bool(inside) and all(thing.footprint.apart(other, gap) for other in others)
+    def fits(self, footprint: Footprint, gap: float, below: Standing | None = None) -> bool:
+        """Whether a thing would lie inside the room and `gap` away from all others but the one below it."""
+        inside = (np.abs(footprint.corners) <= self.size.half[:2] - 0.015).all()
+        others = [other.footprint for other in self.things if other is not below] + list(self.kept_free)
+        return bool(inside) and all(footprint.apart(other, gap) for other in others)
 
     def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> Standing | None:
         """Back to a wall, centred at `along` on it; None where that is taken."""
@@ -109,18 +116,21 @@ class Layout:
         sign = 1 if side < 2 else -1
         x, y = (sign * reach, along) if side % 2 == 0 else (along, sign * reach)
         thing = stand(model, x, y, 0.0, YAW_OF_WALL[side])
-        return thing if self.fits(thing, gap) else None
+        return thing if self.fits(thing.footprint, gap) else None
 
     def somewhere(self, model: Model, spots: Float[np.ndarray, "k 3"], gap: float, z: float = 0.0) -> Standing | None:
         """At the first of the places (x, y, yaw) that is free."""
-        for x, y, yaw in spots:
-            thing = stand(model, float(x), float(y), z, float(yaw))
-            if self.fits(thing, gap):
-                return thing
+        bounds = model.bounds
+        for x, y, yaw in spots.tolist():
+            if self.fits(_footprint(bounds, x, y, z, yaw), gap):
+                return stand(model, x, y, z, yaw)
         return None
 
     def on_top(self, model: Model, below: Standing, index: int, rng: np.random.Generator) -> Standing | None:
-        """On one of the tops of another thing, wholly inside its edge; None where there is no room left."""
+        """On one of the tops of another thing, wholly inside its edge; None where there is no room left.
+
+        The top promises that nothing of the thing below is in the way.
+        """
         top = below.top(index)
         low, high = model.bounds
         if high[2] - low[2] > top.clearance - 0.01:
@@ -131,7 +141,7 @@ class Layout:
             if (room < 0).any():
                 continue
             shift = rotation("z", below.yaw)[:2, :2] @ (rng.uniform(-1, 1, 2) * room)
-            thing = stand(model, top.x + shift[0], top.y + shift[1], top.z, below.yaw + float(turn))
-            if self.fits(thing, 0.03):
-                return thing
+            x, y, yaw = float(top.x + shift[0]), float(top.y + shift[1]), below.yaw + float(turn)
+            if self.fits(_footprint((low, high), x, y, top.z, yaw), 0.03, below):
+                return stand(model, x, y, top.z, yaw)
         return None

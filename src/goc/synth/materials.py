@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
+from goc.files.colour import decode_srgb
 from goc.synth.noise import cell_random, fractal_noise, value_noise
 
 Points = Float[np.ndarray, "p 3"]
@@ -55,12 +56,6 @@ def linear(code: str) -> Rgb:
     """The linear reflectance of an sRGB hex code such as "c8a070"."""
     red, green, blue = decode_srgb(np.array([int(code[i : i + 2], 16) for i in (0, 2, 4)], np.uint8)).tolist()
     return red, green, blue
-
-
-def decode_srgb(encoded: UInt8[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Linear light in [0, 1] of sRGB bytes."""
-    values = encoded / 255
-    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
 def mix(low: Rgb | Colours, high: Rgb | Colours, weight: Float[np.ndarray, "p"]) -> Colours:

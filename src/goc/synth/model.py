@@ -3,8 +3,10 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, UInt8
+from jaxtyping import Float
 
+from goc.files.any_mesh import welded
+from goc.files.colour import encode_srgb
 from goc.scene import Mesh
 from goc.synth.materials import Material
 from goc.synth.shapes import Solid
@@ -20,6 +22,8 @@ class Part:
     """Where each vertex lies in the frame of its material, metres: it stays when the part is moved."""
     smooth: bool = True
     """Shade across edges that are nearly flat, as on turned or upholstered things."""
+    scanned: bool = False
+    """It was read from a file: vertices may be repeated at a texture's seams, and it need not be closed."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -77,22 +81,16 @@ def tilted(item: Part, axis: str, angle: float) -> Part:
 
 
 def mesh_of(model: Model) -> Mesh:
-    """All parts as one mesh, with the materials' colours at the vertices."""
+    """All parts as one mesh, with the materials' colours at the vertices; scanned ones are welded."""
     vertices, faces, colours, count = [], [], [], 0
     for item in model.parts:
         vertices.append(item.solid.vertices)
         faces.append(item.solid.faces + count)
         colours.append(item.material.look(item.texture).colour)
         count += len(item.solid.vertices)
-    return Mesh(
+    mesh = Mesh(
         vertices=np.concatenate(vertices).astype(np.float32),
         faces=np.concatenate(faces).astype(np.int32),
         colours=encode_srgb(np.concatenate(colours)),
     )
-
-
-def encode_srgb(linear: Float[np.ndarray, "... 3"]) -> UInt8[np.ndarray, "... 3"]:
-    """Linear light in [0, 1] as sRGB bytes; values outside are clipped."""
-    clipped = np.clip(linear, 0, 1)
-    encoded = np.where(clipped <= 0.0031308, 12.92 * clipped, 1.055 * clipped ** (1 / 2.4) - 0.055)
-    return np.round(255 * encoded).astype(np.uint8)
+    return welded(mesh) if any(item.scanned for item in model.parts) else mesh

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int16, UInt8
 
+from goc.files.colour import encode_srgb
 from goc.scene import Camera
 from goc.synth.lighting import LitSurfaces, light_on, mirrored
-from goc.synth.model import encode_srgb
-from goc.synth.surfaces import Spots, look_at, spots_at
+from goc.synth.surfaces import Spots, look_at, seen_spots
 from goc.synth.vectors import dot, length
 
 # Order in which the 16 pixels of a 4x4 block take their share of the light samples (a Bayer matrix).
@@ -29,6 +29,8 @@ class View:
     """z along the optical axis at pixel centres, metres, exact."""
     ids: Int16[np.ndarray, "h w"]
     """0 = room, 1… = objects."""
+    normals: Float[np.ndarray, "h w 3"]
+    """Of the triangles at pixel centres, camera axes, towards the camera, exact."""
 
 
 def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
@@ -59,6 +61,7 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
         colour=encode_srgb(total).reshape(height, width, 3),
         depth=depth.reshape(height, width),
         ids=lit.surfaces.owner[spots.triangle].reshape(height, width),
+        normals=(spots.face_normals @ camera.world_from_cam[:3, :3].numpy()).reshape(height, width, 3),
     )
 
 
@@ -70,7 +73,7 @@ def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tupl
     y = (np.arange(camera.height) + 0.5 + offset[1] - centre[1]) / focal[1]
     rays = (y[:, None, None] * pose[:3, 1] + x[:, None] * pose[:3, 0] + pose[:3, 2]).reshape(-1, 3)
     hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
-    return spots_at(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays), hits.t
+    return seen_spots(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays, rays), hits.t
 
 
 def _smooth(

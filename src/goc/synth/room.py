@@ -50,21 +50,26 @@ def furnish_room(seed: int, objects: int) -> Room:
     """
     for attempt in range(_ATTEMPTS):
         rng = np.random.default_rng([seed, attempt])
-        size = RoomSize(
-            width=float(rng.uniform(4.9, 5.5)), depth=float(rng.uniform(4.1, 4.7)), height=float(rng.uniform(2.5, 2.7))
-        )
+        size = draw_size(rng)
         style = choose_style(rng)
-        openings = _openings(rng, size, style)
+        openings = draw_openings(rng, size, style)
         layout = _furnish(rng, style, size, openings, objects)
         if layout is not None:
-            return _finish(rng, style, layout, openings)
+            return finish_room(rng, style, layout, openings)
     raise ConfigError(
         f"seed {seed}: no place found for {objects} objects in {_ATTEMPTS} attempts. Ask for fewer objects."
     )
 
 
+def draw_size(rng: Rng) -> RoomSize:
+    """A living room."""
+    return RoomSize(
+        width=float(rng.uniform(4.9, 5.5)), depth=float(rng.uniform(4.1, 4.7)), height=float(rng.uniform(2.5, 2.7))
+    )
+
+
 @dataclass(frozen=True, kw_only=True)
-class _Openings:
+class Openings:
     """What the walls are for: 0…3 are the walls at +x, +y, -x, -y."""
 
     window: Panel
@@ -72,7 +77,7 @@ class _Openings:
     sofa_side: int
 
 
-def _openings(rng: Rng, size: RoomSize, style: Style) -> _Openings:
+def draw_openings(rng: Rng, size: RoomSize, style: Style) -> Openings:
     """The sofa gets a long wall, the window one of the short walls, the door another wall."""
     sofa_side = int(rng.choice([1, 3]))
     window_side = int(rng.choice([0, 2]))
@@ -88,12 +93,12 @@ def _openings(rng: Rng, size: RoomSize, style: Style) -> _Openings:
     door = Panel(
         side=door_side, left=start, bottom=0.0, width=0.98, height=2.08, art=Door(width=0.98, height=2.08, base=base)
     )
-    return _Openings(window=window, door=door, sofa_side=sofa_side)
+    return Openings(window=window, door=door, sofa_side=sofa_side)
 
 
-def _furnish(rng: Rng, style: Style, size: RoomSize, openings: _Openings, count: int) -> Layout | None:
+def _furnish(rng: Rng, style: Style, size: RoomSize, openings: Openings, count: int) -> Layout | None:
     """Place things in the order of their importance until there are `count`; None if some do not find a place."""
-    layout = Layout(size, (_before(openings.door, size),))
+    layout = Layout(size, (before_door(openings.door, size),))
     done: dict[str, Standing] = {}
     place = _Placer(rng=rng, style=style, layout=layout, openings=openings, done=done)
     groups = [[place.sideboard, place.vase], [place.table, place.chair, place.fruit_bowl]]
@@ -110,7 +115,7 @@ def _furnish(rng: Rng, style: Style, size: RoomSize, openings: _Openings, count:
     return layout
 
 
-def _before(door: Panel, size: RoomSize) -> Footprint:
+def before_door(door: Panel, size: RoomSize) -> Footprint:
     """The floor that a door needs."""
     half = size.half[door.side % 2]
     sign = 1 if door.side < 2 else -1
@@ -129,7 +134,7 @@ class _Placer:
     rng: Rng
     style: Style
     layout: Layout
-    openings: _Openings
+    openings: Openings
     done: dict[str, Standing]
 
     def sofa(self) -> Standing | None:
@@ -165,29 +170,15 @@ class _Placer:
     def armchair(self) -> Standing | None:
         """Near the coffee table, turned towards it."""
         model = furniture.armchair(self.rng, self.style)
-        return self._facing(model, self.done["coffee_table"], 0.98, 1.3, 0.2)
-
-    def _facing(self, model: Model, target: Standing, near: float, far: float, gap: float) -> Standing | None:
-        angles = self.rng.uniform(-np.pi, np.pi, 80)
-        distances = self.rng.uniform(near, far, 80)
-        x, y = target.x + distances * np.cos(angles), target.y + distances * np.sin(angles)
-        yaw = np.arctan2(target.y - y, target.x - x) + np.pi / 2 + self.rng.uniform(-0.15, 0.15, 80)
-        return self.layout.somewhere(model, np.stack([x, y, yaw], -1), gap)
+        return self.layout.somewhere(model, facing_spots(self.done["coffee_table"], 0.98, 1.3, self.rng), 0.2)
 
     def floor_lamp(self) -> Standing | None:
-        return self.layout.somewhere(decor.floor_lamp(self.rng, self.style), self._corners(0.36), 0.05)
+        lamp = decor.floor_lamp(self.rng, self.style)
+        return self.layout.somewhere(lamp, corner_spots(self.layout.size, 0.36, self.rng), 0.05)
 
     def plant(self) -> Standing | None:
-        return self.layout.somewhere(decor.plant(self.rng, self.style), self._corners(0.42), 0.06)
-
-    def _corners(self, inset: float) -> Float[np.ndarray, "k 3"]:
-        """Places in the room's corners, then along its walls."""
-        reach = self.layout.size.half[:2] - inset
-        corners = self.rng.permutation(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])) * reach
-        walls = self.rng.uniform(-1, 1, (60, 2))
-        walls[np.arange(60), self.rng.integers(0, 2, 60)] = self.rng.choice([-1, 1], 60)
-        places = np.concatenate([corners, walls * reach])
-        return np.concatenate([places, self.rng.uniform(-3, 3, (len(places), 1))], -1)
+        plant = decor.plant(self.rng, self.style)
+        return self.layout.somewhere(plant, corner_spots(self.layout.size, 0.42, self.rng), 0.06)
 
     def table(self) -> Standing | None:
         model = furniture.dining_table(self.rng, self.style)
@@ -198,7 +189,7 @@ class _Placer:
 
     def chair(self) -> Standing | None:
         model = furniture.chair(self.rng, self.style)
-        return self._facing(model, self.done["table"], 0.6, 0.95, 0.04)
+        return self.layout.somewhere(model, facing_spots(self.done["table"], 0.6, 0.95, self.rng), 0.04)
 
     def ball(self) -> Standing | None:
         return self._on_floor(decor.ball_toy(self.rng, self.style))
@@ -226,6 +217,25 @@ class _Placer:
         return self.layout.on_top(decor.fruit_bowl(self.rng, self.style), self.done["table"], 0, self.rng)
 
 
+def corner_spots(size: RoomSize, inset: float, rng: Rng) -> Float[np.ndarray, "k 3"]:
+    """Places (x, y, yaw) in the room's corners, then along its walls."""
+    reach = size.half[:2] - inset
+    corners = rng.permutation(np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])) * reach
+    walls = rng.uniform(-1, 1, (60, 2))
+    walls[np.arange(60), rng.integers(0, 2, 60)] = rng.choice([-1, 1], 60)
+    places = np.concatenate([corners, walls * reach])
+    return np.concatenate([places, rng.uniform(-3, 3, (len(places), 1))], -1)
+
+
+def facing_spots(target: Standing, near: float, far: float, rng: Rng) -> Float[np.ndarray, "k 3"]:
+    """Places (x, y, yaw) round a thing, `near` to `far` metres from its middle, turned towards it."""
+    angles = rng.uniform(-np.pi, np.pi, 80)
+    distances = rng.uniform(near, far, 80)
+    x, y = target.x + distances * np.cos(angles), target.y + distances * np.sin(angles)
+    yaw = np.arctan2(target.y - y, target.x - x) + np.pi / 2 + rng.uniform(-0.15, 0.15, 80)
+    return np.stack([x, y, yaw], -1)
+
+
 def _beside(thing: Standing, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:
     """Places (x, y, yaw) given in the frame of a thing."""
     cosine, sine = np.cos(thing.yaw), np.sin(thing.yaw)
@@ -234,7 +244,7 @@ def _beside(thing: Standing, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndar
     return np.stack([x, y, offsets[:, 2] + thing.yaw], -1)
 
 
-def _finish(rng: Rng, style: Style, layout: Layout, openings: _Openings) -> Room:
+def finish_room(rng: Rng, style: Style, layout: Layout, openings: Openings) -> Room:
     """Hang pictures where walls are free, lay the rug, close the shell, light it."""
     size = layout.size
     side_length = 0.6
@@ -256,13 +266,14 @@ def _finish(rng: Rng, style: Style, layout: Layout, openings: _Openings) -> Room
 
 
 def _rug(rng: Rng, style: Style, layout: Layout) -> Panel:
-    """Under the coffee table, reaching before the sofa."""
-    table = next(thing for thing in layout.things if thing.model.name == "coffee table")
+    """Under the coffee table, reaching before the sofa; without one, in the middle of the room."""
+    table = next((thing for thing in layout.things if thing.model.name == "coffee table"), None)
+    x, y = (0.0, 0.0) if table is None else (table.x, table.y)
     width, depth = float(rng.uniform(1.9, 2.3)), float(rng.uniform(1.4, 1.6))
     art = Rug(
         width=width, height=depth, ground=style.upholstery(second=True), border=style.accent(4), stripe=style.accent(5)
     )
-    return Panel(side=FLOOR, left=table.x - width / 2, bottom=table.y - depth / 2, width=width, height=depth, art=art)
+    return Panel(side=FLOOR, left=x - width / 2, bottom=y - depth / 2, width=width, height=depth, art=art)
 
 
 def _pictures(rng: Rng, style: Style, layout: Layout, panels: list[Panel]) -> list[Panel]:

@@ -1,6 +1,6 @@
 """All surfaces of a room, ready to be hit by rays and shaded."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -84,6 +84,18 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
     )
 
 
+def seen_spots(
+    surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"], rays: Float[np.ndarray, "n 3"]
+) -> Spots:
+    """What rays hit, and where. The normals face whoever sees: sheets of scanned things are seen from both sides."""
+    spots = spots_at(surfaces, hits, positions)
+    back = dot(spots.face_normals, rays) > 0
+    if not back.any():
+        return spots
+    sign = np.where(back, -1.0, 1.0).astype(np.float32)[:, None]
+    return replace(spots, normals=sign * spots.normals, face_normals=sign * spots.face_normals)
+
+
 def spots_at(surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> Spots:
     """What rays hit, and where; every ray must have hit something, as rays inside a closed room do."""
     weights = hits.barycentrics.astype(np.float32).T[:, :, None]
@@ -163,6 +175,8 @@ def corner_normals(
     own = unit(areas)
     if not item.smooth:
         return np.repeat(own[:, None], 3, 1)
+    if item.scanned:  # a texture's seam is no edge
+        faces = np.unique(vertices, axis=0, return_inverse=True)[1].reshape(-1)[faces]
     corner_face = np.repeat(np.arange(len(faces)), 3)
     ones = np.ones(len(corner_face))
     touches = scipy.sparse.csr_array((ones, (np.arange(len(ones)), faces.ravel())), (len(ones), len(vertices)))

@@ -1,11 +1,14 @@
 """Samples of the true surfaces, in the layout that goc.evaluation judges by."""
 
+from dataclasses import replace
+
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Camera
 from goc.synth.model import Model, Part
+from goc.synth.overlap import hull_of
 from goc.synth.room import Room
 from goc.synth.vectors import dot, length
 
@@ -71,16 +74,43 @@ def _sampled(parts: tuple[Part, ...], count: int, rng: np.random.Generator) -> S
 
 
 def _skin(model: Model, count: int, rng: np.random.Generator) -> tuple[Samples, float]:
-    """That many points that no other part covers, and which share of all surface is not covered."""
-    scenes = [TriangleScene(item.solid.vertices.astype(np.float32), item.solid.faces) for item in model.parts]
+    """That many points of the outer skin, and which share of all surface belongs to it.
+
+    Of built-in things, whose parts are closed, that is what no other part covers; of scanned ones, what can be seen
+    from outside.
+    """
+    scenes = [hull_of(replace(model, parts=(item,))).scene for item in model.parts]
+    hull = hull_of(model).scene if any(item.scanned for item in model.parts) else None
     points, normals = np.zeros((0, 3)), np.zeros((0, 3))
     drawn = 0
     while len(points) < count:
         more, facing = _sampled(model.parts, count, rng)
         drawn += count
-        open_air = ~_covered(model.parts, scenes, more + _SKIN_OFFSET * facing)
+        if hull is None:
+            open_air = ~_covered(model.parts, scenes, more + _SKIN_OFFSET * facing)
+        else:
+            open_air = _seen_from_outside(hull, more, facing)
         points, normals = np.concatenate([points, more[open_air]]), np.concatenate([normals, facing[open_air]])
     return (points[:count], normals[:count]), len(points) / drawn
+
+
+def _seen_from_outside(
+    scene: TriangleScene, points: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]
+) -> Bool[np.ndarray, "n"]:
+    """Whether some of 64 rays from just above a point (or, of an open sheet, just below it) leaves the thing."""
+    reach = 4 * float(np.ptp(scene.vertices, axis=0).max())
+    index = np.arange(64) + 0.5
+    height, angle = 1 - index / 32, np.pi * (1 + 5**0.5) * index
+    ring = np.sqrt(1 - height**2)
+    directions = np.stack([ring * np.cos(angle), ring * np.sin(angle), height], -1)
+    seen = np.zeros(len(points), bool)
+    # In an order that soon has some in each direction: most points are settled after a few.
+    for direction in directions[np.argsort(np.arange(64) * 0.618 % 1)]:
+        left = np.flatnonzero(~seen)
+        side = np.where(normals[left] @ direction >= 0, 1.0, -1.0)[:, None]
+        origins = points[left] + _SKIN_OFFSET * side * normals[left]
+        seen[left] = ~scene.occluded(origins, np.broadcast_to(direction, origins.shape), reach)
+    return seen
 
 
 def _covered(

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from goc.synth.materials import decode_srgb
-from goc.synth.model import encode_srgb
+from goc.files.colour import decode_srgb, encode_srgb
 from goc.synth.sensor.checks import within
 
 Image = UInt8[np.ndarray, "h w 3"]

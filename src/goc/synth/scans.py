@@ -1,0 +1,45 @@
+"""Materials of meshes from files. Their `texture` is not a place in space, but a place in an image, or a colour."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import UInt8
+
+from goc.files.any_mesh import MeshPiece, sample_texture
+from goc.files.colour import decode_srgb
+from goc.synth.materials import Look, Points
+
+GREY = (0.5, 0.5, 0.5)
+"""Linear reflectance of what has no colour."""
+# A diffuse surface that throws back more than this much light does not exist, and would wash out.
+_BRIGHTEST = 0.85
+
+
+@dataclass(frozen=True, eq=False)
+class Texture:
+    """An image as albedo; points are (u, v, anything)."""
+
+    image: UInt8[np.ndarray, "h w 3"]
+
+    def look(self, points: Points) -> Look:
+        """Bilinear samples."""
+        return Look(colour=np.minimum(sample_texture(self.image, points[:, :2]), _BRIGHTEST))
+
+
+@dataclass(frozen=True, eq=False)
+class VertexColours:
+    """Points are the linear colours themselves, which lie between those of the corners."""
+
+    def look(self, points: Points) -> Look:
+        """The points, as colours."""
+        return Look(colour=np.clip(points, 0.0, _BRIGHTEST).astype(np.float32))
+
+
+def painted(piece: MeshPiece) -> tuple[Texture | VertexColours, Points]:
+    """The material of a piece, and its texture coordinates at the vertices."""
+    count = len(piece.mesh.vertices)
+    if piece.texture is not None and piece.uv is not None:
+        return Texture(piece.texture), np.concatenate([piece.uv, np.zeros((count, 1))], -1).astype(np.float64)
+    if piece.mesh.colours is not None:
+        return VertexColours(), decode_srgb(piece.mesh.colours)
+    return VertexColours(), np.broadcast_to(np.array(GREY), (count, 3)).copy()
