@@ -2,15 +2,18 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from goc.bench.config import BenchConfig
 from goc.bench.plan import Run
 from goc.events import Listener
 from goc.files import is_file
-from goc.synth.demo import RoomConfig, make_demo_capture
+from goc.synth.captures import RoomConfig, make_room_capture
 from goc.synth.sensor import MODELS, SensorConfig, degrade_capture
 
+_ROOM = RoomConfig(views=170, sparse_views=50, width=384, height=384, objects=10)
+"""The shape of the paper's rooms."""
 _SPOILED_MASKS = 0.1
 _FAULTS = {
     "kinect": SensorConfig(depth=MODELS["kinect"]),
@@ -24,7 +27,7 @@ def make_rooms(config: BenchConfig, folder: Path, notify: Listener) -> dict[str,
     """Synthetic rooms by name: the n-th is always the same one."""
     rooms = {f"synth{seed}": folder / f"synth{seed}" for seed in range(config.synth_rooms)}
     for seed, room in enumerate(rooms.values()):
-        _made(room, lambda new, seed=seed: make_demo_capture(new, RoomConfig(seed=seed), notify))
+        _made(room, lambda new, seed=seed: make_room_capture(new, replace(_ROOM, seed=seed), notify))
     return rooms
 
 
