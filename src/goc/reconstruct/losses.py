@@ -87,7 +87,7 @@ def planes_depth(blended: Float[Tensor, "4 h w"], alpha: Float[Tensor, "h w"], c
 
 
 def _lens(camera: Camera) -> _native.Lens:
-    return _native.Lens(camera.width, camera.height, *camera.focal_px.tolist(), *camera.centre_px.tolist())
+    return _native.Lens(*camera.focal_px.tolist(), *camera.centre_px.tolist(), camera.width, camera.height)
 
 
 class _PlaneFraction(torch.autograd.Function):
