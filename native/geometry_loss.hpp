@@ -3,13 +3,9 @@
 #include <cstdint>
 #include <vector>
 
-namespace goc {
+#include "lens.hpp"
 
-// Pixel (x, y) is seen along ((x + ½ − cx)/fx, (y + ½ − cy)/fy, 1).
-struct Lens {
-  int width, height;
-  float fx, fy, cx, cy;
-};
+namespace goc {
 
 struct DepthImages {
   const float* numerator;      // depth = numerator / denominator (height, width)

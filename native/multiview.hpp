@@ -5,13 +5,9 @@
 #include <vector>
 
 #include "block_ssim.hpp"
+#include "lens.hpp"
 
 namespace goc {
-
-struct Lens {
-  float fx, fy, cx, cy;
-  int width, height;
-};
 
 // The view that is drawn.
 struct WarpedView {
