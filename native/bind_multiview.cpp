@@ -1,8 +1,6 @@
 // Python face of the multi-view losses.
-#include <array>
 #include <optional>
 
-#include <nanobind/stl/array.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
 
@@ -13,37 +11,34 @@ namespace goc {
 namespace {
 
 using Photograph = nb::ndarray<const std::uint8_t, nb::shape<kAny, kAny, 3>, nb::c_contig, nb::device::cpu>;
-using Focal = std::array<float, 4>;  // fx, fy, cx, cy
 
 template <typename Array>
-Lens lens_of(const Focal& focal, const Array& image) {
-  return {focal[0], focal[1], focal[2], focal[3], (int)image.shape(1), (int)image.shape(0)};
+bool fits(const Array& image, const Lens& lens) {
+  return image.shape(0) == (std::size_t)lens.height && image.shape(1) == (std::size_t)lens.width;
 }
 
 struct View {
   Plane numerator, denominator, alpha;
   Photograph image;
-  Focal focal;
+  Lens lens;
 
   WarpedView arrays() const {
-    for (int k = 0; k < 2; ++k)
-      check(denominator.shape(k) == numerator.shape(k) && alpha.shape(k) == numerator.shape(k) &&
-                image.shape(k) == numerator.shape(k),
-            "images must have one height and width");
-    return {numerator.data(), denominator.data(), alpha.data(), image.data(), lens_of(focal, image)};
+    check(fits(numerator, lens) && fits(denominator, lens) && fits(alpha, lens) && fits(image, lens),
+          "images must have the height and width of the lens");
+    return {numerator.data(), denominator.data(), alpha.data(), image.data(), lens};
   }
 };
 
 struct Source {
   Photograph image;
-  Focal focal;
+  Lens lens;
   Plane inverse_depth;
-  Focal depth_focal;
+  Lens depth_lens;
   In<3, 4> from_view;
 
   WarpSource arrays() const {
-    return {image.data(), lens_of(focal, image), inverse_depth.data(), lens_of(depth_focal, inverse_depth),
-            from_view.data()};
+    check(fits(image, lens) && fits(inverse_depth, depth_lens), "images must have the height and width of the lens");
+    return {image.data(), lens, inverse_depth.data(), depth_lens, from_view.data()};
   }
 };
 
@@ -53,7 +48,7 @@ void bind_multiview(nb::module_& module) {
   nb::class_<View>(module, "WarpedView", "A rendered depth (numerator / denominator) and what was photographed there.")
       .def(
           "__init__",
-          [](View* self, Plane numerator, Plane denominator, Plane alpha, Photograph image, const Focal& lens) {
+          [](View* self, Plane numerator, Plane denominator, Plane alpha, Photograph image, const Lens& lens) {
             new (self) View{numerator, denominator, alpha, image, lens};
             self->arrays();
           },
@@ -61,8 +56,11 @@ void bind_multiview(nb::module_& module) {
   nb::class_<Source>(module, "WarpSource", "A neighbour's photograph and inverse depth (0 = none).")
       .def(
           "__init__",
-          [](Source* self, Photograph image, const Focal& lens, Plane inverse_depth, const Focal& depth_lens,
-             In<3, 4> from_view) { new (self) Source{image, lens, inverse_depth, depth_lens, from_view}; },
+          [](Source* self, Photograph image, const Lens& lens, Plane inverse_depth, const Lens& depth_lens,
+             In<3, 4> from_view) {
+            new (self) Source{image, lens, inverse_depth, depth_lens, from_view};
+            self->arrays();
+          },
           nb::arg("image"), nb::arg("lens"), nb::arg("inverse_depth"), nb::arg("depth_lens"), nb::arg("from_view"));
   nb::class_<MultiviewLoss>(module, "MultiviewLoss", "L_pho and L_geo of a rendered depth and their gradient.")
       .def(nb::init<>())
@@ -72,9 +70,6 @@ void bind_multiview(nb::module_& module) {
              float tolerance, PlaneOut numerator_grad, PlaneOut denominator_grad, std::optional<PlaneOut> inverse_grad) {
             const WarpedView warped = view.arrays();
             const WarpSource from = source.arrays();
-            const auto fits = [](const PlaneOut& out, const Lens& lens) {
-              return (int)out.shape(0) == lens.height && (int)out.shape(1) == lens.width;
-            };
             check(fits(numerator_grad, warped.lens) && fits(denominator_grad, warped.lens) &&
                       (!inverse_grad || fits(*inverse_grad, from.depth_lens)),
                   "gradients must have their image's height and width");

@@ -71,8 +71,10 @@ def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, wei
     )
 
 
-def _lens(camera: Camera, stride: int = 1) -> list[float]:
-    return [value / stride for value in (*camera.focal_px.tolist(), *camera.centre_px.tolist())]
+def _lens(camera: Camera, image: Tensor, stride: int = 1) -> _native.Lens:
+    """Intrinsics of every `stride`-th pixel of a view."""
+    numbers = [value / stride for value in (*camera.focal_px.tolist(), *camera.centre_px.tolist())]
+    return _native.Lens(image.shape[1], image.shape[0], *numbers)
 
 
 class _Multiview(torch.autograd.Function):
@@ -90,13 +92,13 @@ class _Multiview(torch.autograd.Function):
         images = [image.detach().contiguous() for image in (numerator, denominator, alpha)]
         there = neighbour.camera
         from_view = (there.cam_from_world.double() @ frame.camera.world_from_cam.double())[:3].float().contiguous()
-        source = _native.WarpSource(
-            neighbour.image, _lens(there), inverse.detach().contiguous(), _lens(there, neighbour.stride), from_view
-        )
+        photograph = neighbour.image, _lens(there, neighbour.image)
+        known = inverse.detach().contiguous(), _lens(there, inverse, neighbour.stride)
+        source = _native.WarpSource(*photograph, *known, from_view)
         gradients = torch.empty(2, *numerator.shape)
         pulls = torch.empty(inverse.shape) if ctx.needs_input_grad[2] else None
         photometric, geometric = _multiview(
-            _native.WarpedView(*images, frame.image, _lens(frame.camera)),
+            _native.WarpedView(*images, frame.image, _lens(frame.camera, numerator)),
             source,
             weights.photometric,
             weights.geometric,
