@@ -52,10 +52,13 @@ def signed_volume(mesh: Mesh) -> float:
 
 def _edge_flaw(faces: Int64[np.ndarray, "t 3"]) -> str | None:
     forward, backward = _edges(faces)
-    open_edges = int((~np.isin(forward, backward)).sum())
-    repeated = len(forward) - len(np.unique(forward))
+    edges = np.minimum(forward, backward)
+    _, faces_of = np.unique(edges, return_counts=True)
+    open_edges = int((faces_of == 1).sum())
     if open_edges:
         return f"{open_edges} edges have a face on one side only"
+    _, which, directed = np.unique(forward, return_inverse=True, return_counts=True)
+    repeated = len(np.unique(edges[directed[which] > 1]))
     return f"{repeated} edges are run along twice in the same direction" if repeated else None
 
 
