@@ -86,8 +86,8 @@ class Asset:
 
     @property
     def is_support(self) -> bool:
-        """Things can stand on it."""
-        return self.is_large and any(top.width * top.depth >= 0.1 for top in self.model.tops)
+        """Things can stand on it, at knee height or above."""
+        return self.is_large and any(top.width * top.depth >= 0.1 and top.z >= 0.25 for top in self.model.tops)
 
 
 def list_meshes(source: MeshFolder) -> tuple[tuple[Path, str], ...]:

@@ -126,9 +126,11 @@ class _Placer:
         return len(self.layout.things) == self.count
 
     def _chosen_for_floor(self, count: int) -> list[Asset]:
-        """Large things, largest first: as many supports as the small things need, then whatever comes."""
+        """Large things, largest first: as many supports as the small things need, then others."""
         needed = max(1, round((self.count - count) / 3))
-        order = self.rng.permutation(len(self.stock.large))
+        areas = np.array([float(asset.size[:2].prod()) for asset in self.stock.large])
+        # Weighted sampling without replacement (Efraimidis and Spirakis 2006): larger ones fill a room better.
+        order = np.argsort(-(self.rng.random(len(areas)) ** (1 / np.maximum(areas, 1e-3))), kind="stable")
         large = [self.stock.large[i] for i in order]
         chosen = self._within_area([asset for asset in large if asset.is_support], needed, [])
         built_in = iter(self._built_in())
