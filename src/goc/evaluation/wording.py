@@ -26,7 +26,7 @@ class Wording:
 
 
 def _share(title: str, meaning: str) -> Wording:
-    return Wording(title=title, unit="", scale=1, digits=3, meaning=meaning, less_is_better=False)
+    return Wording(title=title, unit="", scale=1.0, digits=3, meaning=meaning, less_is_better=False)
 
 
 def _length(title: str, meaning: str) -> Wording:
@@ -55,7 +55,7 @@ WORDING: Mapping[str, Wording] = {
     "volume_relative_error": Wording(
         title="Volume error",
         unit="%",
-        scale=100,
+        scale=100.0,
         digits=1,
         meaning="of a watertight prediction, relative to the true volume",
         less_is_better=True,
@@ -66,7 +66,7 @@ WORDING: Mapping[str, Wording] = {
     "self_intersections": Wording(
         title="Self-cuts",
         unit="",
-        scale=1,
+        scale=1.0,
         digits=1,
         meaning="pairs of the mesh's own triangles that cut each other",
         less_is_better=True,
