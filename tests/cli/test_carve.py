@@ -20,6 +20,9 @@ def test_a_preset_gives_defaults_that_settings_change(words):
     assert (config.reconstruct.iterations, config.reconstruct.labels) == (30_000, "learned")
     assert config.reconstruct.sh_degree == 2
     assert PRESETS["paper"].reconstruct.sh_degree == 3
+    weights = PRESETS["paper"].reconstruct.losses
+    assert (weights.depth, weights.depth_normal, weights.identity) == (0.3, 0.1, 0.1)
+    assert (weights.photometric, weights.geometric) == (0.3, 0.3)
 
 
 def test_shortcuts_reach_their_stages():
