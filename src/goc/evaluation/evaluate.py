@@ -28,7 +28,6 @@ from goc.evaluation.rooms import has_surface
 from goc.evaluation.truth import read_truth
 from goc.events import Listener, ignore
 from goc.geometry.raycast import TriangleScene
-from goc.geometry.topology import watertight_flaw
 from goc.scene import ROOM
 
 _EXTRA_SAMPLES = 1_000
@@ -111,7 +110,7 @@ def _judge(protocol: Protocol, truth: Path, task: Task, notify: Listener) -> Jud
 def _object(task: Task, judged: Judged, id: int) -> ObjectEvaluation:
     own = task.matches.get(id)
     found = None if own is None else task.prediction.objects[own]
-    flaw = None if found is None else watertight_flaw(found.mesh)
+    flaw = None if found is None else found.solid.flaw
     return ObjectEvaluation(
         label=task.truth.label(id),
         predicted=own,

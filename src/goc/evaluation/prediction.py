@@ -1,6 +1,7 @@
 """What a run made: the meshes of its objects and of its scene."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
@@ -8,6 +9,7 @@ import msgspec
 
 from goc.errors import EvaluationError
 from goc.evaluation.result import MeshChoice
+from goc.evaluation.solids import Solid
 from goc.files import is_file, is_folder, read_json, read_mesh
 from goc.scene import Mesh
 
@@ -20,6 +22,11 @@ class PredictedObject:
 
     mesh: Mesh
     source: Literal["observed", "completed", "file"]
+
+    @cached_property
+    def solid(self) -> Solid:
+        """For what is asked of it as a body."""
+        return Solid(self.mesh)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

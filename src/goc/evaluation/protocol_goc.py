@@ -59,7 +59,7 @@ class _Judge:
 
     def __init__(self, task: Task) -> None:
         self.task = task
-        self.solids = {id: Solid(task.prediction.objects[own].mesh) for id, own in task.matches.items()}
+        self.solids = {id: task.prediction.objects[own].solid for id, own in task.matches.items()}
         self.samples = {id: sample_surface(solid.mesh, SAMPLES, task.seed) for id, solid in self.solids.items()}
         self.truth = {id: Solid(task.truth.mesh(id)) for id in task.truth.objects}
         self.walls = Walls(task.truth.mesh(ROOM))

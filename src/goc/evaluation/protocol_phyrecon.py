@@ -81,9 +81,6 @@ def _scores(predicted: Mesh | None, truth: Mesh, cameras: tuple[Camera, ...], se
     b = voxel_means(true.vertices.astype(np.float64), _POINT_VOXEL)
     there, back = cKDTree(b).query(a)[0], cKDTree(a).query(b)[0]
     precision, recall = float((there < _THRESHOLD).mean()), float((back < _THRESHOLD).mean())
-    normals = surface_scores(
-        sample_surface(found, _NORMAL_SAMPLES, seed), sample_surface(true, _NORMAL_SAMPLES, seed + 1)
-    )
     return {
         "accuracy": float(there.mean()),
         "completion": float(back.mean()),
@@ -91,8 +88,13 @@ def _scores(predicted: Mesh | None, truth: Mesh, cameras: tuple[Camera, ...], se
         f"f_score_{name}": 2 * precision * recall / (precision + recall) if precision + recall > 0 else 0.0,
         f"precision_{name}": precision,
         f"recall_{name}": recall,
-        "normal_consistency": normals.normal_consistency,
+        "normal_consistency": _normals(found, true, seed) if precision + recall > 0 else 0.0,
     }
+
+
+def _normals(found: Mesh, true: Mesh, seed: int) -> float:
+    samples = [sample_surface(mesh, _NORMAL_SAMPLES, seed + turn) for turn, mesh in enumerate((found, true))]
+    return surface_scores(samples[0], samples[1]).normal_consistency
 
 
 def joined(meshes: list[Mesh]) -> Mesh:

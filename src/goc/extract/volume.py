@@ -125,7 +125,7 @@ def _crossed(
     block, offset = np.divmod(edges, BLOCK**3)
     index = lattice.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
     positions = lattice.origin + lattice.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
-    return edges, share, positions.astype(np.float32), faces
+    return edges.view(np.int64), share, positions.astype(np.float32), faces
 
 
 def blocks_near(
