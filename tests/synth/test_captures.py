@@ -138,8 +138,8 @@ def test_the_folder_is_complete_and_progress_is_heard(demo_capture, demo_config)
     assert labels["0"] == "room" and len(labels) == demo_config.objects + 1
     for kind in ("images", "depth", "instance"):
         assert len(list((folder / kind).iterdir())) == demo_config.views
-    done = [event.done for event in heard if isinstance(event, Progress)]
-    assert done == list(range(1, demo_config.views + 1)) and heard[-1].total == demo_config.views
+    told = [(event.done, event.total) for event in heard if isinstance(event, Progress)]
+    assert told == [(number, demo_config.views) for number in range(1, demo_config.views + 1)]
 
 
 def test_the_same_seed_gives_the_same_bytes_on_any_number_of_threads(demo_capture, demo_config, tmp_path):
