@@ -125,7 +125,7 @@ def test_slow_errors_are_found_and_sharp_ones_are_not(shape):
     known = torch.where(wild < 0.2, 5.0 * wild, known)
     known = torch.where(wild > 0.6, torch.nan, known)
     left = (spread(slow_errors(known, aligned), *shape) - wave(*shape)).abs()
-    # The blur flattens a wave of curvature 2.5² · 0.03 by about half of it times the blur's 0.007; the ridge takes a tenth.
+    # The blur flattens a wave of curvature 2.5² · 0.03 by half of that times its own 0.007; the ridge takes a tenth.
     assert left.median() < 0.004 and left.max() < 0.015
 
 

@@ -125,7 +125,7 @@ class Monocular:
     smoothing: float = 0.5
     """Share of the old scale and offset that a new fit leaves."""
     bend: bool = True
-    """Fit"""
+    """Let a new fit also follow errors that change slowly across the image; otherwise only the start does."""
 
 
 @dataclass(frozen=True)

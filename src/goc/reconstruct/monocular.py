@@ -52,8 +52,7 @@ def start_alignment(capture: Capture, views: list[int], known: KnownDepths, noti
     for done, view in enumerate(views, 1):
         frame = capture[view]
         if frame.depth is not None:
-            given = _known(frame, capture.points, known.get(view))
-            rows[view] = _row(frame.depth, given, capture.depth_kind)
+            rows[view] = _row(*_compared(frame, capture.points, known.get(view)), capture.depth_kind)
             unaligned += [] if torch.isfinite(rows[view, SCALE]) else [capture.names[view]]
         notify(Progress(stage="align", done=done, total=len(views)))
     if unaligned:
@@ -130,21 +129,18 @@ def _row(stored: Float[Tensor, "h w"], known: Float[Tensor, "h w"], kind: DepthK
     return torch.cat([line, torch.stack([torch.tensor(0.0), line[1] / line[0]]), field.reshape(-1)])
 
 
-def _known(
-    frame: Frame, points: PointCloud | None, depth: tuple[Camera, Float[Tensor, "_h _w"]] | None
-) -> Float[Tensor, "h w"]:
-    """All that is known of a view's depth, at the pixels where it is known."""
-    camera = frame.camera
-    raster = torch.full((camera.height, camera.width), torch.nan)
-    if depth is not None:
-        height, width = depth[1].shape
-        rows = ((torch.arange(height) + 0.5) * camera.height / height).long()
-        columns = ((torch.arange(width) + 0.5) * camera.width / width).long()
-        raster[rows[:, None], columns] = depth[1]
+def _compared(
+    frame: Frame, points: PointCloud | None, known: tuple[Camera, Float[Tensor, "r c"]] | None
+) -> tuple[Float[Tensor, "r c"], Float[Tensor, "r c"]]:
+    """Stored depth, and all that is known, on the raster of what is known (where only points are, the view's own)."""
+    assert frame.depth is not None
+    camera, depth = known or (frame.camera, torch.full_like(frame.depth, torch.nan))
+    rows = ((torch.arange(camera.height) + 0.5) * frame.camera.height / camera.height).long()
+    columns = ((torch.arange(camera.width) + 0.5) * frame.camera.width / camera.width).long()
     if points is not None:
         seen = _points_raster(camera, torch.from_numpy(points.positions))
-        raster = torch.where(torch.isfinite(seen), seen, raster)
-    return raster
+        depth = torch.where(torch.isfinite(seen), seen, depth)
+    return frame.depth[rows][:, columns], depth
 
 
 def _points_raster(camera: Camera, points: Float[Tensor, "p 3"]) -> Float[Tensor, "h w"]:
