@@ -18,6 +18,26 @@ struct Splat2D {
   float x, y, a, b, c, log2_opacity, depth, unused;
 };
 
+// Pinhole camera, OpenCV axes; view is cam_from_world, row-major 4×4.
+struct RasterCamera {
+  float view[16];
+  float fx, fy, cx, cy;
+  int width, height;
+};
+constexpr float kNear = 0.01f;      // as gsplat
+constexpr float kDilation = 0.3f;   // px², the low-pass filter of 3D Gaussian Splatting (gsplat's eps2d)
+
+// Sixteen splats, one a lane: their parameters, or gradients of those.
+struct alignas(64) SplatLanes {
+  float mean[3][16], quat[4][16], log_scale[3][16], opacity_logit[16];
+};
+// Sixteen splats on the image plane, or gradients there.
+struct alignas(64) ProjectedLanes {
+  float splat[8][16];  // the fields of Splat2D. Gradients: the six geometry numbers of a record
+  float reach[2][16];  // half-width and half-height of the smallest box round {alpha ≥ 1/255}, pixels
+  float plane[4][16];  // normal (camera axes, towards the camera) and distance. Gradients: the same, or of the depth
+};
+
 constexpr int kPacked = 8;            // floats of a Splat2D
 constexpr int kGeometry = 6;          // of a record's gradient, before its channels
 
@@ -74,6 +94,13 @@ struct DepthGradRow {
 
 struct Kernels {
   const char* name;
+  // Bit l is set when splat l is before the camera and reaches alpha 1/255.
+  std::uint32_t (*project_lanes)(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out);
+  // planes, depths: the gradient has those of the planes, or of the depths of the centres.
+  void (*project_lanes_backward)(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad,
+                                 bool planes, bool depths, SplatLanes& out);
+  // The first `count` spherical harmonics (1, 4, 9 or 16) of the directions from `eye` to the splats.
+  void (*harmonics_lanes)(const SplatLanes& in, const float* eye, int count, float (*out)[16]);
   // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b.
   std::uint16_t (*touched_blocks)(const Splat2D& splat, float tile_x, float tile_y);
   // Writes the tile's pixels of image[c] (height, width) for each channel of the pass, and of alpha (height, width).

@@ -3,9 +3,10 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 
-#include "project.hpp"
+#include "splat_lanes.hpp"
 #include "threads.hpp"
 
 namespace goc {
@@ -20,8 +21,6 @@ std::uint32_t* scratch(std::size_t count) {
   if (buffer.size() < count) buffer.resize(count + count / 2);
   return buffer.data();
 }
-
-Splat2D& splat_of(float* rows, int stride, std::size_t i) { return *reinterpret_cast<Splat2D*>(rows + i * stride); }
 
 }  // namespace
 
@@ -41,39 +40,57 @@ void Raster::project_all(const SplatArrays& splats, const Channels& channels) {
   ranges_.resize(size_);
   const std::size_t chunks = (size_ + kSplatGrain - 1) / kSplatGrain;
   touches_.resize(chunks);
-  const auto touched_blocks = kernels().touched_blocks;
   parallel_for(size_, kSplatGrain, [&](std::size_t begin, std::size_t end) {
     auto& touches = touches_[begin / kSplatGrain];
     touches.clear();
-    for (std::size_t i = begin; i < end; ++i) {
-      ranges_[i] = {(std::uint32_t)touches.size(), 0};
-      Seen seen;
-      float reach[2];
-      Splat2D& s = splat_of(rows_, row_stride_, i);
-      if (!see(splats, i, camera_, seen) || !project(seen, camera_, s, reach)) continue;
-      // Tiles whose pixel centres can lie within reach.
-      const auto tiles = [](float from, float to, int count, int& first, int& last) {
-        const float inverse = 1.0f / kTile;
-        first = (int)std::clamp(std::floor((from - 0.5f) * inverse), 0.0f, (float)count);
-        last = (int)std::clamp(std::floor((to - 0.5f) * inverse) + 1.0f, 0.0f, (float)count);
-      };
-      int x0, x1, y0, y1;
-      tiles(s.x - reach[0], s.x + reach[0], tiles_x_, x0, x1);
-      tiles(s.y - reach[1], s.y + reach[1], tiles_y_, y0, y1);
-      for (int y = y0; y < y1; ++y)
-        for (int x = x0; x < x1; ++x)
-          if (const std::uint16_t mask = touched_blocks(s, (float)(x * kTile), (float)(y * kTile)))
-            touches.push_back({(std::uint16_t)x, (std::uint16_t)y, mask});
-      ranges_[i].count = (std::uint32_t)touches.size() - ranges_[i].begin;
-      if (!ranges_[i].count) continue;
-      float* row = rows_ + i * row_stride_ + kPacked;
-      fill_channels(channels, splats, i, camera_, seen, row);
-      for (int c = channel_count_; c < row_stride_ - kPacked; ++c) row[c] = 0.0f;
+    SplatLanes lanes;
+    ProjectedLanes projected;
+    alignas(64) float harmonics[16][16];
+    for (std::size_t first = begin; first < end; first += 16) {
+      const int count = (int)std::min<std::size_t>(16, end - first);
+      read_lanes(splats, first, count, lanes);
+      const std::uint32_t candidates = kernels().project_lanes(lanes, camera_, channels.planes, projected);
+      std::uint32_t visible = 0;
+      for (int l = 0; l < count; ++l) {
+        const auto before = (std::uint32_t)touches.size();
+        if (candidates >> l & 1) {
+          float* row = rows_ + (first + l) * row_stride_;
+          for (int k = 0; k < kPacked; ++k) row[k] = projected.splat[k][l];
+          touch(*reinterpret_cast<const Splat2D*>(row), projected.reach[0][l], projected.reach[1][l], touches);
+        }
+        ranges_[first + l] = {before, (std::uint32_t)touches.size() - before};
+        visible |= (std::uint32_t)(touches.size() != before) << l;
+      }
+      if (visible && channels.sh) kernels().harmonics_lanes(lanes, channels.eye, channels.harmonics, harmonics);
+      for (; visible; visible &= visible - 1) {
+        const int l = __builtin_ctz(visible);
+        float* row = rows_ + (first + l) * row_stride_ + kPacked;
+        fill_channels(channels, first + l, l, projected, harmonics, row);
+        for (int c = channel_count_; c < row_stride_ - kPacked; ++c) row[c] = 0.0f;
+      }
     }
   });
   chunk_begin_.resize(chunks + 1);
   chunk_begin_[0] = 0;
   for (std::size_t k = 0; k < chunks; ++k) chunk_begin_[k + 1] = chunk_begin_[k] + (std::uint32_t)touches_[k].size();
+}
+
+// Appends the tiles that the splat reaches.
+void Raster::touch(const Splat2D& s, float reach_x, float reach_y, std::vector<Touch>& touches) const {
+  // Tiles whose pixel centres can lie within reach.
+  const auto tiles = [](float from, float to, int count, int& first, int& last) {
+    const float inverse = 1.0f / kTile;
+    first = (int)std::clamp(std::floor((from - 0.5f) * inverse), 0.0f, (float)count);
+    last = (int)std::clamp(std::floor((to - 0.5f) * inverse) + 1.0f, 0.0f, (float)count);
+  };
+  int x0, x1, y0, y1;
+  tiles(s.x - reach_x, s.x + reach_x, tiles_x_, x0, x1);
+  tiles(s.y - reach_y, s.y + reach_y, tiles_y_, y0, y1);
+  const auto touched_blocks = kernels().touched_blocks;
+  for (int y = y0; y < y1; ++y)
+    for (int x = x0; x < x1; ++x)
+      if (const std::uint16_t mask = touched_blocks(s, (float)(x * kTile), (float)(y * kTile)))
+        touches.push_back({(std::uint16_t)x, (std::uint16_t)y, mask});
 }
 
 // Stable radix sort of the visible splats by the bits of their (positive) depth.
@@ -82,7 +99,7 @@ void Raster::sort_by_depth() {
   for (std::size_t i = 0; i < size_; ++i) {
     if (!ranges_[i].count) continue;
     std::uint32_t bits;
-    std::memcpy(&bits, &splat_of(rows_, row_stride_, i).depth, sizeof bits);
+    std::memcpy(&bits, rows_ + i * row_stride_ + offsetof(Splat2D, depth) / sizeof(float), sizeof bits);
     keys_.push_back((std::uint64_t)bits << 32 | i);
   }
   keys_scratch_.resize(keys_.size());
@@ -197,44 +214,51 @@ void Raster::backward(const SplatArrays& splats, const Channels& channels, const
                                 pass == 0 ? alpha_grad : nullptr, out == nullptr, grads + pass * whole, stride);
       }
   });
-  // A splat's gradient is the sum over its records, which lie together.
   parallel_for(size_, kSplatGrain, [&](std::size_t begin, std::size_t end) {
-    std::vector<float> sum(stride), channel(channel_count_);
-    for (std::size_t i = begin; i < end; ++i) {
-      std::fill(sum.begin(), sum.end(), 0.0f);
-      const float* from = grads + (std::size_t)(chunk_begin_[i / kSplatGrain] + ranges_[i].begin) * stride;
-      for (std::uint32_t j = 0; j < ranges_[i].count; ++j, from += stride)
-        for (int k = 0; k < stride; ++k) sum[k] += from[k];
-      float geometry[kGeometry] = {};
-      for (int pass = 0; pass < passes(); ++pass) {
-        for (int k = 0; k < kGeometry; ++k) geometry[k] += sum[pass * whole + k];
-        std::copy_n(sum.data() + pass * whole + kGeometry, channels_of(pass), channel.data() + pass * kMaxChannels);
-      }
-      splat_backward(splats, channels, i, geometry, channel.data(), out, channels_out);
-    }
+    std::vector<float> sum(stride + channel_count_);
+    for (std::size_t first = begin; first < end; first += 16)
+      splats_backward(splats, channels, first, (int)std::min<std::size_t>(16, end - first), grads, stride, sum, out,
+                      channels_out);
   });
 }
 
-// The gradient of splat i from those of its projection and of its channels.
-void Raster::splat_backward(const SplatArrays& splats, const Channels& channels, std::size_t i,
-                            const float* geometry_grad, const float* channel_grad, const SplatGradients* out,
-                            const ChannelGradients& channels_out) {
-  if (!ranges_[i].count) {
-    if (channels_out.sh) std::fill_n(channels_out.sh + i * 3 * channels.harmonics, 3 * channels.harmonics, 0.0f);
-    if (channels_out.features)
-      std::fill_n(channels_out.features + i * channels.feature_count, channels.feature_count, 0.0f);
-    if (!out) return;
-    std::fill_n(out->means + 3 * i, 3, 0.0f), std::fill_n(out->quats + 4 * i, 4, 0.0f);
-    std::fill_n(out->log_scales + 3 * i, 3, 0.0f), out->opacity_logits[i] = 0.0f;
-    return;
+// The gradients of up to sixteen splats from those of their records.
+void Raster::splats_backward(const SplatArrays& splats, const Channels& channels, std::size_t first, int count,
+                             const float* grads, int stride, std::vector<float>& sum, const SplatGradients* out,
+                             const ChannelGradients& channels_out) {
+  SplatLanes lanes;
+  ProjectedLanes grad{};
+  alignas(64) float harmonics[16][16];
+  std::uint32_t visible = 0;
+  for (int l = 0; l < count; ++l) visible |= (std::uint32_t)(ranges_[first + l].count != 0) << l;
+  if (visible) read_lanes(splats, first, count, lanes);
+  if (visible && channels.sh) kernels().harmonics_lanes(lanes, channels.eye, channels.harmonics, harmonics);
+  for (int l = 0; l < count; ++l) {
+    const std::size_t i = first + l;
+    if (!ranges_[i].count) {
+      clear_channels(channels, i, channels_out);
+      continue;
+    }
+    // A splat's records lie together, one cache line each with up to ten channels.
+    const float* from = grads + (std::size_t)(chunk_begin_[i / kSplatGrain] + ranges_[i].begin) * stride;
+    std::copy_n(from, stride, sum.begin());
+    for (std::uint32_t j = 1; j < ranges_[i].count; ++j) {
+      from += stride;
+      for (int k = 0; k < stride; ++k) sum[k] += from[k];
+    }
+    float* channel = sum.data() + stride;
+    const int whole = gradient_floats(kMaxChannels);
+    for (int pass = 0; pass < passes(); ++pass) {
+      for (int k = 0; k < kGeometry; ++k) grad.splat[k][l] += sum[pass * whole + k];
+      std::copy_n(sum.data() + pass * whole + kGeometry, channels_of(pass), channel + pass * kMaxChannels);
+    }
+    channels_backward(channels, i, l, rows_ + i * row_stride_ + kPacked, channel, harmonics, channels_out, grad);
   }
-  Seen seen{};
-  Pull pull{};
-  if (out || channels.sh) see(splats, i, camera_, seen);
-  const float* row = rows_ + i * row_stride_;
-  channels_backward(channels, splats, i, camera_, seen, row + kPacked, channel_grad, channels_out, pull);
-  if (out)
-    project_backward(splats, i, camera_, seen, *reinterpret_cast<const Splat2D*>(row), geometry_grad, pull, *out);
+  if (!out) return;
+  SplatLanes splat_grads;
+  const bool depths = channels.sh && !channels.planes;
+  if (visible) kernels().project_lanes_backward(lanes, camera_, grad, channels.planes, depths, splat_grads);
+  write_lanes(splat_grads, first, count, visible, *out);
 }
 
 void Raster::median(std::int32_t* out) const {

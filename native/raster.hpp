@@ -7,13 +7,6 @@
 
 namespace goc {
 
-// Pinhole camera, OpenCV axes; view is cam_from_world, row-major 4×4.
-struct RasterCamera {
-  float view[16];
-  float fx, fy, cx, cy;
-  int width, height;
-};
-
 // n splats as stored for optimisation: means (n 3), quats wxyz (n 4), log_scales (n 3), opacity_logits (n).
 struct SplatArrays {
   const float *means, *quats, *log_scales, *opacity_logits;
@@ -22,9 +15,6 @@ struct SplatArrays {
 struct SplatGradients {
   float *means, *quats, *log_scales, *opacity_logits;
 };
-
-constexpr float kNear = 0.01f;      // as gsplat
-constexpr float kDilation = 0.3f;   // px², the low-pass filter of 3D Gaussian Splatting (gsplat's eps2d)
 
 // What is blended: of a training view (sh given) colour by spherical harmonics (3), then the splats' planes (camera-axes
 // normal towards the camera, plane distance: 4) or the z of their centres (1); then features as given.
@@ -82,8 +72,10 @@ class Raster {
   void sort_by_depth();
   void bin();
   TileView tile(std::size_t index, int pass) const;
-  void splat_backward(const SplatArrays& splats, const Channels& channels, std::size_t i, const float* geometry_grad,
-                      const float* channel_grad, const SplatGradients* out, const ChannelGradients& channels_out);
+  void touch(const Splat2D& splat, float reach_x, float reach_y, std::vector<Touch>& touches) const;
+  void splats_backward(const SplatArrays& splats, const Channels& channels, std::size_t first, int count,
+                       const float* grads, int stride, std::vector<float>& sum, const SplatGradients* out,
+                       const ChannelGradients& channels_out);
   int passes() const { return (channel_count_ + kMaxChannels - 1) / kMaxChannels; }
   int channels_of(int pass) const;
 

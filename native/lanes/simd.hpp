@@ -73,6 +73,7 @@ GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p]
 
 GOC_INLINE Mask operator==(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
 GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
+GOC_INLINE Mask operator>=(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b.part[p]) return m; }
 GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
 GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
 GOC_INLINE Mask operator&(Mask a, Mask b) { GOC_EACH(a.part[p] &= b.part[p]) return a; }
@@ -83,8 +84,31 @@ GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
 }
 GOC_INLINE Lanes keep(Mask m, Lanes x) { return select(m, x, splat(0.0f)); }
 
-GOC_INLINE Lanes min(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] < b.part[p] ? a.part[p] : b.part[p]) return a; }
-GOC_INLINE Lanes max(Lanes a, Lanes b) { GOC_EACH(a.part[p] = a.part[p] > b.part[p] ? a.part[p] : b.part[p]) return a; }
+// The second where one is NaN.
+GOC_INLINE Part part_min(Part a, Part b) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_min_ps(0xffff, a, b);
+#elif defined(__AVX__)
+  return _mm256_min_ps(a, b);
+#elif defined(__x86_64__)
+  return _mm_min_ps(a, b);
+#else
+  return a < b ? a : b;
+#endif
+}
+GOC_INLINE Part part_max(Part a, Part b) {
+#if defined(__AVX512F__)
+  return _mm512_maskz_max_ps(0xffff, a, b);
+#elif defined(__AVX__)
+  return _mm256_max_ps(a, b);
+#elif defined(__x86_64__)
+  return _mm_max_ps(a, b);
+#else
+  return a > b ? a : b;
+#endif
+}
+GOC_INLINE Lanes min(Lanes a, Lanes b) { GOC_EACH(a.part[p] = part_min(a.part[p], b.part[p])) return a; }
+GOC_INLINE Lanes max(Lanes a, Lanes b) { GOC_EACH(a.part[p] = part_max(a.part[p], b.part[p])) return a; }
 
 GOC_INLINE Part part_sqrt(Part x) {
 #if defined(__AVX512F__)
@@ -238,19 +262,59 @@ GOC_INLINE Lanes sums(const Lanes* x) {
 #undef GOC_X
 #undef GOC_4
 
-// 2^x for x in [-8, 0], smaller x counts as -8: a polynomial of 2^(x/8), squared three times (relative error 3e-6).
-// No bit tricks, so that no compiler flag can break it.
+// 2^x for x in [-8, 0], relative error 3e-6; anything may come of a smaller x. A polynomial of 2^(x/8), squared three
+// times: no bit tricks, so that no compiler flag can break it.
 GOC_INLINE Lanes exp2_above_minus_8(Lanes x) {
-  const Lanes y = max(x, splat(-8.0f)) * 0.125f;
-  Lanes e = splat(0.000938788289f);
-  e = fma(e, y, splat(0.00918861199f));
-  e = fma(e, y, splat(0.0552797243f));
-  e = fma(e, y, splat(0.240172192f));
-  e = fma(e, y, splat(0.693142235f));
-  e = fma(e, y, splat(0.99999994f));
+  Lanes e = splat(2.86495449e-08f);
+  e = fma(e, x, splat(2.24331345e-06f));
+  e = fma(e, x, splat(0.000107968211f));
+  e = fma(e, x, splat(0.0037526905f));
+  e = fma(e, x, splat(0.0866427794f));
+  e = fma(e, x, splat(0.99999994f));
   e = e * e;
   e = e * e;
   return e * e;
+}
+
+GOC_INLINE IntPart bits_of(Part x) {
+  IntPart out;
+  __builtin_memcpy(&out, &x, sizeof out);
+  return out;
+}
+GOC_INLINE Part part_of(IntPart x) {
+  Part out;
+  __builtin_memcpy(&out, &x, sizeof out);
+  return out;
+}
+
+// 2^x, relative error 2e-7; x counts as within [-126, 126].
+GOC_INLINE Lanes exp2(Lanes x) {
+  x = max(min(x, splat(126.0f)), splat(-126.0f));
+  Lanes power;
+  GOC_EACH(const IntPart whole = __builtin_convertvector(x.part[p] + (x.part[p] < 0.0f ? Part{} - 0.5f : Part{} + 0.5f), IntPart);
+           x.part[p] -= __builtin_convertvector(whole, Part); power.part[p] = part_of((whole + 127) << 23);)
+  Lanes e = splat(1.5403530e-04f);
+  e = fma(e, x, splat(1.3333558e-03f));
+  e = fma(e, x, splat(9.6181291e-03f));
+  e = fma(e, x, splat(5.5504109e-02f));
+  e = fma(e, x, splat(2.4022651e-01f));
+  e = fma(e, x, splat(6.9314718e-01f));
+  return fma(e, x, splat(1.0f)) * power;
+}
+
+// log2 of a positive, normal x: the exponent, and the series of artanh for a mantissa in [√½, √2).
+GOC_INLINE Lanes log2(Lanes x) {
+  Lanes exponent;
+  GOC_EACH(const IntPart shifted = bits_of(x.part[p]) - 0x3f3504f3; const IntPart whole = shifted >> 23;
+           exponent.part[p] = __builtin_convertvector(whole, Part);
+           x.part[p] = part_of((shifted & 0x7fffff) + 0x3f3504f3);)
+  const Lanes s = (x - 1.0f) / (x + 1.0f), s2 = s * s;
+  Lanes series = splat(0.32059890f);
+  series = fma(series, s2, splat(0.41219859f));
+  series = fma(series, s2, splat(0.57707802f));
+  series = fma(series, s2, splat(0.96179669f));
+  series = fma(series, s2, splat(2.8853901f));
+  return fma(series, s, exponent);
 }
 
 }  // namespace goc::GOC_ISA

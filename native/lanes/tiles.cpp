@@ -13,7 +13,7 @@ constexpr int kAhead = 6;  // records whose row is fetched before it is needed
 GOC_INLINE Lanes alpha_of(const float* packed, Lanes dx, Lanes dy, Lanes& raw) {
   const Lanes along_x = fma(dx, packed[2], dy * packed[3]);
   const Lanes power = packed[5] - fma(along_x, dx, dy * dy * packed[4]);
-  raw = exp2_above_minus_8(min(power, splat(0.0f)));
+  raw = exp2_above_minus_8(power);
   return keep(power >= -kLog2Of255, min(raw, splat(kMaxAlpha)));
 }
 
@@ -158,13 +158,16 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       const Lanes weight = keep(open, a * transmittance);
       store(block.transmittance, keep(open, next));
       if (!bits(open)) alive &= ~(1u << b);
-      Lanes value = kChannelsOnly ? splat(0.0f) : load(block.alpha_grad);
+      // Two sums: one alone would wait for itself.
+      Lanes value = kChannelsOnly ? splat(0.0f) : load(block.alpha_grad), other = splat(0.0f);
       for (int c = 0; c < C; ++c) {
         const Lanes g = load(block.grad[c]);
         total[kGeometry + c] = fma(weight, g, total[kGeometry + c]);
-        if (!kChannelsOnly) value = fma(g, v[c], value);
+        if (!kChannelsOnly && c % 2 == 0) value = fma(g, v[c], value);
+        if (!kChannelsOnly && c % 2 == 1) other = fma(g, v[c], other);
       }
       if (kChannelsOnly) continue;
+      value = value + other;
       const Lanes rest = load(block.rest) - weight * value;
       store(block.rest, rest);
       // Times dα/dpower = α ln 2; a capped alpha no longer depends on its power.
