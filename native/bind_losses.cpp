@@ -1,4 +1,5 @@
 // Python face of the fused losses, of Adam and of normals from depth.
+#include <algorithm>
 #include <cmath>
 #include <optional>
 
@@ -120,6 +121,26 @@ void bind_losses(nb::module_& module) {
       },
       nb::arg("x"), nb::arg("grad"), nb::arg("first"), nb::arg("second"), nb::arg("rates"), nb::arg("beta1"),
       nb::arg("beta2"), nb::arg("epsilon"), nb::arg("step"), "One Adam step on (rows, columns), in place.");
+  module.def(
+      "add_penalties",
+      [](In<kAny> logits, In<kAny, 3> log_scales, float opacity, float scale, Flat logits_grad,
+         nb::ndarray<float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu> log_scales_grad) {
+        const std::size_t n = logits.shape(0);
+        check(log_scales.shape(0) == n && logits_grad.shape(0) == n && log_scales_grad.shape(0) == n,
+              "parameters and gradients differ in length");
+        nb::gil_scoped_release release;
+        const float* grad = logits_grad.data();
+        const auto seen = (std::size_t)std::count_if(grad, grad + n, [](float g) { return g != 0.0f; });
+        if (seen == 0) return;
+        const float each = 1.0f / (float)seen;
+        parallel_for(n, 4096, [&](std::size_t begin, std::size_t end) {
+          kernels().penalty_rows(logits.data() + begin, log_scales.data() + 3 * begin, end - begin, opacity * each,
+                                 scale * each / 3.0f, logits_grad.data() + begin, log_scales_grad.data() + 3 * begin);
+        });
+      },
+      nb::arg("logits"), nb::arg("log_scales"), nb::arg("opacity"), nb::arg("scale"), nb::arg("logits_grad"),
+      nb::arg("log_scales_grad"),
+      "Adds the gradients of opacity·mean(opacities) and scale·mean(scales), over the splats with a gradient.");
 }
 
 }  // namespace goc

@@ -162,6 +162,7 @@ void bind_raster(nb::module_& module) {
   nb::class_<Raster>(module, "Raster", "One rendered view and the buffers behind it; reusable for another view.")
       .def(nb::init<>())
       .def_prop_ro("records", &Raster::records, "(tile, splat) pairs of the last view.")
+      .def_prop_ro("blocks", &Raster::blocks, "(record, block of 4×4 pixels) pairs of the last view.")
       .def("forward", &forward, nb::arg("splats"), nb::arg("channels"), nb::arg("camera"), nb::arg("images"),
            nb::arg("alpha"), "Render the channels into the planes of images (c h w), taken together, and alpha (h w).")
       .def("backward", &backward, nb::arg("splats"), nb::arg("channels"), nb::arg("images"), nb::arg("alpha"),

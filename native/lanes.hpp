@@ -136,6 +136,9 @@ struct Kernels {
                        float* numerator, float* denominator);
   void (*fraction_grad_row)(const float* numerator_grad, const float* denominator_grad, float first_x, float step_x,
                             float ray_y, int width, float* const* plane_grad);
+  // Adds opacity·o(1 − o) to the gradient of each logit that has one, and scale·exp(s) to those of its log scales.
+  void (*penalty_rows)(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
+                       float* logits_grad, float* log_scales_grad);
   void (*adam_rows)(const AdamRows& rows, std::size_t count, const AdamStep& step);
 };
 

@@ -2,6 +2,7 @@
 #include "raster.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <cstddef>
 #include <cstring>
@@ -222,6 +223,17 @@ void Raster::backward(const SplatArrays& splats, const Channels& channels, const
   });
 }
 
+// Of more than one pass: adds up the geometry of each, and brings their channels together.
+const float* Raster::gather_passes(std::vector<float>& sum, int lane, ProjectedLanes& grad) const {
+  const int whole = gradient_floats(kMaxChannels);
+  float* channel = sum.data() + sum.size() - channel_count_;
+  for (int pass = 0; pass < passes(); ++pass) {
+    for (int k = 0; k < kGeometry && pass > 0; ++k) grad.splat[k][lane] += sum[pass * whole + k];
+    std::copy_n(sum.data() + pass * whole + kGeometry, channels_of(pass), channel + pass * kMaxChannels);
+  }
+  return channel;
+}
+
 // The gradients of up to sixteen splats from those of their records.
 void Raster::splats_backward(const SplatArrays& splats, const Channels& channels, std::size_t first, int count,
                              const float* grads, int stride, std::vector<float>& sum, const SplatGradients* out,
@@ -241,17 +253,14 @@ void Raster::splats_backward(const SplatArrays& splats, const Channels& channels
     }
     // A splat's records lie together, one cache line each with up to ten channels.
     const float* from = grads + (std::size_t)(chunk_begin_[i / kSplatGrain] + ranges_[i].begin) * stride;
-    std::copy_n(from, stride, sum.begin());
+    for (int k = 0; k < stride; ++k) sum[k] = from[k];
     for (std::uint32_t j = 1; j < ranges_[i].count; ++j) {
       from += stride;
       for (int k = 0; k < stride; ++k) sum[k] += from[k];
     }
-    float* channel = sum.data() + stride;
-    const int whole = gradient_floats(kMaxChannels);
-    for (int pass = 0; pass < passes(); ++pass) {
-      for (int k = 0; k < kGeometry; ++k) grad.splat[k][l] += sum[pass * whole + k];
-      std::copy_n(sum.data() + pass * whole + kGeometry, channels_of(pass), channel + pass * kMaxChannels);
-    }
+    for (int k = 0; k < kGeometry; ++k) grad.splat[k][l] = sum[k];
+    const float* channel = sum.data() + kGeometry;
+    if (passes() > 1) channel = gather_passes(sum, l, grad);
     channels_backward(channels, i, l, rows_ + i * row_stride_ + kPacked, channel, harmonics, channels_out, grad);
   }
   if (!out) return;
@@ -270,6 +279,12 @@ void Raster::median(std::int32_t* out) const {
     }
   });
   for (std::size_t i = 0; i < found.size(); ++i) out[i] = (std::int32_t)found[i];
+}
+
+std::size_t Raster::blocks() const {
+  std::size_t total = 0;
+  for (const auto mask : masks_) total += (std::size_t)std::popcount(mask);
+  return total;
 }
 
 void Raster::visible(std::uint8_t* out) const {

@@ -57,6 +57,7 @@ class Raster {
   // Splats that touch some tile of the view.
   void visible(std::uint8_t* out) const;
   std::size_t records() const { return order_.size(); }
+  std::size_t blocks() const;  // (record, block of 4×4 pixels) pairs
   const RasterCamera& camera() const { return camera_; }
   int width() const { return camera_.width; }
   int height() const { return camera_.height; }
@@ -73,6 +74,7 @@ class Raster {
   void bin();
   TileView tile(std::size_t index, int pass) const;
   void touch(const Splat2D& splat, float reach_x, float reach_y, std::vector<Touch>& touches) const;
+  const float* gather_passes(std::vector<float>& sum, int lane, ProjectedLanes& grad) const;
   void splats_backward(const SplatArrays& splats, const Channels& channels, std::size_t first, int count,
                        const float* grads, int stride, std::vector<float>& sum, const SplatGradients* out,
                        const ChannelGradients& channels_out);

@@ -26,6 +26,8 @@ void fraction_row(const float* const* plane, float first_x, float step_x, float 
                   float* denominator);
 void fraction_grad_row(const float* numerator_grad, const float* denominator_grad, float first_x, float step_x,
                        float ray_y, int width, float* const* plane_grad);
+void penalty_rows(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
+                  float* logits_grad, float* log_scales_grad);
 void adam_rows(const AdamRows& rows, std::size_t count, const AdamStep& step);
 
 }  // namespace goc::GOC_ISA

@@ -9,7 +9,7 @@ namespace goc::GOC_ISA {
 extern const Kernels kKernels;
 const Kernels kKernels = {
     GOC_TEXT(GOC_ISA), project_lanes, project_lanes_backward, harmonics_lanes, touched_blocks, forward_tile,   median_tile,  backward_tile,     moments_row, ssim_row, maps_row,
-    photometric_row,   depth_row,      normal_row,     depth_grad_row, fraction_row,    fraction_grad_row, adam_rows,
+    photometric_row,   depth_row,      normal_row,     depth_grad_row, fraction_row,    fraction_grad_row, penalty_rows, adam_rows,
 };
 
 }  // namespace goc::GOC_ISA

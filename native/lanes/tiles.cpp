@@ -172,7 +172,7 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       store(block.rest, rest);
       // Times dα/dpower = α ln 2; a capped alpha no longer depends on its power.
       const Lanes slope = keep(open & (raw <= kMaxAlpha), a * 0.6931471805599453f);
-      const Lanes g = slope * (transmittance * value - rest / through);
+      const Lanes g = slope * (transmittance * value - rest * reciprocal(through));
       const Lanes gx = g * dx, gy = g * dy;
       total[0] = total[0] + g;
       total[1] = total[1] + gx;

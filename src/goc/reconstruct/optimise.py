@@ -7,6 +7,7 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
+from goc import _native
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress
 from goc.reconstruct.config import ReconstructConfig
@@ -80,13 +81,9 @@ def _means_rate(task: Task, state: State) -> float:
 def _add_penalties(state: State, config: ReconstructConfig) -> None:
     """Pull the opacity and size of the splats in view down; unseen splats would melt away (measured: gsplat #778)."""
     logits, log_scales = state.parameters["opacity_logits"], state.parameters["log_scales"]
-    if logits.grad is None or log_scales.grad is None:
-        return
-    seen = (logits.grad != 0).float()
-    count = seen.sum().clamp_min(1)
-    opacities = logits.sigmoid()
-    logits.grad += config.mcmc.opacity_penalty / count * seen * opacities * (1 - opacities)
-    log_scales.grad += config.mcmc.scale_penalty / (3 * count) * seen[:, None] * log_scales.exp()
+    if logits.grad is not None and log_scales.grad is not None:
+        weights = config.mcmc.opacity_penalty, config.mcmc.scale_penalty
+        _native.add_penalties(logits.detach(), log_scales.detach(), *weights, logits.grad, log_scales.grad)
 
 
 @torch.no_grad()
