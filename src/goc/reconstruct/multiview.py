@@ -74,7 +74,7 @@ def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, wei
 def _lens(camera: Camera, image: Tensor, stride: int = 1) -> _native.Lens:
     """Intrinsics of every `stride`-th pixel of a view."""
     numbers = [value / stride for value in (*camera.focal_px.tolist(), *camera.centre_px.tolist())]
-    return _native.Lens(image.shape[1], image.shape[0], *numbers)
+    return _native.Lens(*numbers, image.shape[1], image.shape[0])
 
 
 class _Multiview(torch.autograd.Function):
