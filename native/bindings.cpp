@@ -12,6 +12,7 @@ void bind_multiview(nb::module_& module);
 void bind_noise(nb::module_& module);
 void bind_raster(nb::module_& module);
 void bind_raycast(nb::module_& module);
+void bind_stereo(nb::module_& module);
 }
 
 NB_MODULE(_native, module) {
@@ -25,4 +26,5 @@ NB_MODULE(_native, module) {
   goc::bind_noise(module);
   goc::bind_raster(module);
   goc::bind_raycast(module);
+  goc::bind_stereo(module);
 }

@@ -92,6 +92,37 @@ struct DepthGradRow {
   float depth_scale, normal_scale;
 };
 
+// Another photograph along a row of this one: sample i is at (start + i·step)/z, in pixels between centres.
+struct WarpedRow {
+  const std::uint32_t* quads;  // see stereo.hpp
+  int stride;
+  float last_x, last_y;        // the last pixel's centre
+  float start[3], step[3];
+};
+
+constexpr int kPatchLanes = 16;
+constexpr int kPatchSide = 4;   // samples along a side of a window, kPatchSpacing pixels apart
+constexpr float kPatchSpacing = 2.0f;
+constexpr int kPatchSamples = kPatchSide * kPatchSide;
+
+// Windows round sixteen pixels, weighted by likeness of grey to the middle.
+struct Patches {
+  float x[kPatchLanes], y[kPatchLanes];
+  float grey[kPatchSamples][kPatchLanes], weight[kPatchSamples][kPatchLanes];  // weights sum to 1
+  float mean[kPatchLanes], scale[kPatchLanes];                                 // scale: 1/√(variance + kGreyNoise²)
+};
+
+// Another photograph, and how pixels with inverse depth land in it.
+struct Target {
+  const std::uint32_t* quads;
+  int stride;
+  float last_x, last_y;
+  float m[9], t[3];
+};
+
+constexpr float kGreyNoise = 0.4f;  // of 255: windows with less contrast match nothing, and nothing speaks against them
+constexpr int kWindow = 2;          // half-width of the sweep's windows
+
 struct Kernels {
   const char* name;
   // Bit l is set when splat l is before the camera and reaches alpha 1/255.
@@ -140,6 +171,21 @@ struct Kernels {
   void (*penalty_rows)(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
                        float* logits_grad, float* log_scales_grad);
   void (*adam_rows)(const AdamRows& rows, std::size_t count, const AdamStep& step);
+  // Greys of a warped row, and 1 where they lie inside the photograph, else 0.
+  void (*warp_row)(const WarpedRow& warp, int width, float* greys, float* inside);
+  // 1 − ZNCC of a row's windows in [0, 1], 1 outside; rows are the window's, of both images. scratch: 3·(width + 4).
+  void (*match_row)(const float* const* rows, const float* const* warped, const float* mean, const float* scale,
+                    const float* inside, int width, float* scratch, float* costs);
+  // Keeps the three smallest costs of each pixel.
+  void (*keep_best)(const float* costs, int width, float* first, float* second, float* third);
+  // One pixel's step of a semi-global path: now = costs + min(before, its neighbours + step, best_before + jump) −
+  // best_before, added to total; returns the least of now. `planes` is a multiple of 16, before has one float on
+  // either side that is large.
+  float (*path_step)(const float* costs, const float* before, float best_before, float step, float jump, int planes,
+                     float* now, float* total);
+  // 1 − ZNCC in [0, 1] of patches on the planes q + gx·dx + gy·dy of inverse depth; 1 where they land outside.
+  void (*patch_costs)(const Patches& patches, const Target& target, const float* q, const float* gx, const float* gy,
+                      float* costs);
 };
 
 constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5 pixels (Wang et al. 2004)

@@ -29,5 +29,13 @@ void fraction_grad_row(const float* numerator_grad, const float* denominator_gra
 void penalty_rows(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
                   float* logits_grad, float* log_scales_grad);
 void adam_rows(const AdamRows& rows, std::size_t count, const AdamStep& step);
+void warp_row(const WarpedRow& warp, int width, float* greys, float* inside);
+void match_row(const float* const* rows, const float* const* warped, const float* mean, const float* scale,
+               const float* inside, int width, float* scratch, float* costs);
+void keep_best(const float* costs, int width, float* first, float* second, float* third);
+float path_step(const float* costs, const float* before, float best_before, float step, float jump, int planes,
+                float* now, float* total);
+void patch_costs(const Patches& patches, const Target& target, const float* q, const float* gx, const float* gy,
+                 float* costs);
 
 }  // namespace goc::GOC_ISA

@@ -8,6 +8,7 @@ from goc.reconstruct.config import (
     Multiview,
     ReconstructConfig,
     SeedConfig,
+    StereoConfig,
 )
 from goc.reconstruct.labels import vote_labels
 from goc.reconstruct.reconstruct import reconstruct, split_views
@@ -20,6 +21,7 @@ __all__ = [
     "Multiview",
     "ReconstructConfig",
     "SeedConfig",
+    "StereoConfig",
     "reconstruct",
     "split_views",
     "vote_labels",

@@ -21,6 +21,7 @@ from goc.reconstruct.pairs import Pairs, view_pairs
 from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.state import State, initial_state
+from goc.reconstruct.stereo import stereo_depths
 from goc.reconstruct.task import Task
 from goc.scene.capture import UNLABELLED, Capture
 from goc.scene.gaussians import Gaussians
@@ -35,7 +36,7 @@ def reconstruct(
     notify: Listener = ignore,
     checkpoint: Path | None = None,
     resume: bool = False,
-    known_depths: Callable[[], KnownDepths] = dict,
+    known_depths: Callable[[], KnownDepths] | None = None,
 ) -> Reconstruction:
     """Optimise labelled Gaussians that show what the capture shows (paper §4).
 
@@ -45,6 +46,8 @@ def reconstruct(
         notify: hears Progress with the running PSNR and the number of splats.
         checkpoint: file that keeps the state every `config.checkpoint_every` steps.
         resume: continue from that file; bit-equal to an uninterrupted run on a CPU.
+        known_depths: what monocular depth is aligned with before the start, beside the capture's points; stereo if None
+            and these are few.
 
     Raises:
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
@@ -70,7 +73,7 @@ def _reconstruct(
     notify: Listener,
     checkpoint: Path | None,
     resume: bool,
-    known_depths: Callable[[], KnownDepths],
+    known_depths: Callable[[], KnownDepths] | None,
 ) -> Reconstruction:
     started = time.perf_counter()
     train, held_out = split_views(len(capture), config.holdout_every)
@@ -92,8 +95,9 @@ def _reconstruct(
     )
 
     def begin() -> State:
-        seen, remembered = _aligned(capture, train, known_depths, notify)
-        gaussians = seed(seen, train, config)
+        known = known_depths or (lambda: _stereo_depths(capture, train, config, notify))
+        seen, remembered = _aligned(capture, train, known, notify)
+        gaussians = seed(seen, train, config, notify)
         state = _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
         state.views |= remembered
         return state
@@ -126,6 +130,14 @@ def _aligned(
         return capture, {}
     rows = start_alignment(capture, views, known(), notify)
     return aligned_capture(capture, rows), {ALIGNMENT: rows}
+
+
+def _stereo_depths(capture: Capture, views: list[int], config: ReconstructConfig, notify: Listener) -> KnownDepths:
+    """What photographs alone say of depth; nothing where the capture's points say enough."""
+    if capture.points is not None and len(capture.points.positions) >= config.seeding.fewest_points:
+        return {}
+    found = stereo_depths(capture, views, config.seeding.stereo, notify)
+    return {view: (seen.camera, seen.depth) for view, seen in found.items()}
 
 
 def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:

@@ -1,6 +1,6 @@
-"""The first splats: from depth, else from the capture's points, else from the scene box."""
+"""The first splats: from depth, else from the capture's points, else from stereo, else from the scene box."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -9,11 +9,14 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from goc.errors import ReconstructError
+from goc.events import Listener, ignore
 from goc.geometry.harmonics import BAND_0
+from goc.geometry.inpaint import filled
 from goc.geometry.normals import normals_from_depth
 from goc.geometry.rays import pixel_rays, points_from_depth
 from goc.geometry.rotations import quats_towards
 from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.stereo import StereoView, stereo_depths
 from goc.scene.capture import Capture, Frame
 from goc.scene.gaussians import Gaussians
 
@@ -21,6 +24,8 @@ _POOL = 12
 """Candidates back-projected for each splat of the budget."""
 _TEXTURE_SHARE = 0.5
 """Share of the seeds drawn where the image has texture; the rest covers the surface evenly."""
+_FEWEST_MATCHES = 1000
+"""Photographs that match in fewer pixels than this say nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -31,6 +36,7 @@ class _Points:
     colours: Float[Tensor, "p 3"]
     normals: Float[Tensor, "p 3"]
     detail: Float[Tensor, "p"]
+    opacity: Float[Tensor, "p"]
 
     def __getitem__(self, index: Tensor) -> "_Points":
         return _Points(
@@ -38,6 +44,7 @@ class _Points:
             colours=self.colours[index],
             normals=self.normals[index],
             detail=self.detail[index],
+            opacity=self.opacity[index],
         )
 
 
@@ -47,32 +54,33 @@ def splat_budget(capture: Capture, config: ReconstructConfig) -> int:
     return min(config.mcmc.max_splats, max(pixels, 1000))
 
 
-def seed(capture: Capture, views: list[int], config: ReconstructConfig) -> Gaussians:
+def seed(capture: Capture, views: list[int], config: ReconstructConfig, notify: Listener = ignore) -> Gaussians:
     """Place the first splats on what the views say of the surface.
 
     Args:
-        capture: its depth, else its points, else the box its cameras look into.
+        capture: its depth, else its points, else what its photographs say, else the box its cameras look into.
         views: indices of the views that may be looked at (those not held out).
         config: budget, opacity and shape of the seeds.
+        notify: hears Progress of stereo.
 
     Raises:
         ReconstructError: fewer than four usable points.
     """
     generator = torch.Generator().manual_seed(config.seed)
-    budget = splat_budget(capture, config)
+    budget, seeding = splat_budget(capture, config), config.seeding
+    cloud = 0 if capture.points is None else len(capture.points.positions)
     if capture.has_depth:
-        points = _thin(_from_depth(capture, views, budget * _POOL), budget, generator)
-        opacity = config.seeding.opacity
-    elif capture.points is not None and len(capture.points.positions) >= 4:
-        points, opacity = _from_cloud(capture, budget, generator), config.seeding.opacity
+        points = _thin(_from_depth(capture, views, budget * _POOL, seeding.opacity), budget, generator)
+    elif cloud >= seeding.fewest_points:
+        points = _from_cloud(capture, budget, seeding.opacity, generator)
     else:
-        points, opacity = _from_box(capture, views, config.seeding.random_points, generator), 0.1
+        points = _from_photographs(capture, views, config, generator, notify)
     if len(points.positions) < 4:
         raise ReconstructError(
             f"only {len(points.positions)} points to start from in {len(views)} views: "
             "check that depth images are not empty and poses are camera-to-world."
         )
-    return _splats(points, opacity, config)
+    return _splats(points, config)
 
 
 def _detail(image: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w"]:
@@ -84,7 +92,7 @@ def _detail(image: Float[Tensor, "h w 3"]) -> Float[Tensor, "h w"]:
     return torch.nn.functional.avg_pool2d(magnitude, 5, 1, 2)[0, 0]
 
 
-def _of_frame(frame: Frame, pixels: Tensor) -> _Points:
+def _of_frame(frame: Frame, pixels: Tensor, opacity: float) -> _Points:
     """Back-project the given pixels (flat indices); those without depth or normal are dropped."""
     depth = frame.depth
     assert depth is not None
@@ -96,11 +104,12 @@ def _of_frame(frame: Frame, pixels: Tensor) -> _Points:
         colours=image.reshape(-1, 3)[pixels],
         normals=normals,
         detail=_detail(image).reshape(-1)[pixels],
+        opacity=torch.full((len(pixels),), opacity),
     )
     return found[torch.isfinite(found.positions).all(-1) & torch.isfinite(found.normals).all(-1)]
 
 
-def _from_depth(capture: Capture, views: list[int], wanted: int) -> _Points:
+def _from_depth(capture: Capture, views: list[int], wanted: int, opacity: float) -> _Points:
     """About `wanted` surface samples, the same number from each view, on a jittered grid of pixels."""
     found = []
     for view in views:
@@ -110,15 +119,46 @@ def _from_depth(capture: Capture, views: list[int], wanted: int) -> _Points:
         pixels = frame.camera.width * frame.camera.height
         step = max(1, pixels * len(views) // wanted)
         start = (view * 7919) % step  # another phase in each view
-        found.append(_of_frame(frame, torch.arange(start, pixels, step)))
-    if not found:
-        return _empty()
-    return _Points(**{name: torch.cat([getattr(p, name) for p in found]) for name in _Points.__dataclass_fields__})
+        found.append(_of_frame(frame, torch.arange(start, pixels, step), opacity))
+    return _joined(found)
 
 
-def _empty() -> _Points:
+def _from_photographs(
+    capture: Capture, views: list[int], config: ReconstructConfig, generator: torch.Generator, notify: Listener
+) -> _Points:
+    """Stereo's surface, and between it a share of less certain points; the scene box where photographs do not match."""
+    seeding, budget = config.seeding, splat_budget(capture, config)
+    stereo = stereo_depths(capture, views, seeding.stereo, notify)
+    step = max(1, sum(view.depth.numel() for view in stereo.values()) // (budget * _POOL))
+    sure = [_of_stereo(capture, view, found, step, seeding.opacity) for view, found in stereo.items()]
+    trusted = _joined(sure)
+    if len(trusted.positions) < _FEWEST_MATCHES:
+        return _from_box(capture, views, seeding.random_points, generator)
+    between = [_of_stereo(capture, view, _between(found), step, seeding.fill_opacity) for view, found in stereo.items()]
+    share = round(budget * seeding.fill_share)
+    return _joined([_thin(trusted, budget - share, generator), _thin(_joined(between), share, generator)])
+
+
+def _of_stereo(capture: Capture, view: int, found: StereoView, step: int, opacity: float) -> _Points:
+    """Every `step`-th pixel of a coarse depth map that has depth and a normal."""
+    size = (found.camera.height, found.camera.width)
+    image = torch.nn.functional.interpolate(capture[view].image.float().permute(2, 0, 1)[None], size, mode="area")[0]
+    frame = Frame(camera=found.camera, image=image.permute(1, 2, 0).round().byte(), depth=found.depth)
+    pixels = torch.arange((view * 7919) % step, size[0] * size[1], step)  # another phase in each view
+    return _of_frame(frame, pixels, opacity)
+
+
+def _between(found: StereoView) -> StereoView:
+    """Depth where nothing was trusted: inverse depth spread smoothly from where it was."""
+    inverse = filled(1.0 / found.depth)
+    hole = ~torch.isfinite(found.depth) & torch.isfinite(inverse)
+    return replace(found, depth=torch.where(hole, 1.0 / inverse, torch.nan))
+
+
+def _joined(parts: list[_Points]) -> _Points:
     none = torch.zeros(0, 3)
-    return _Points(positions=none, colours=none, normals=none, detail=none[:, 0])
+    parts = [_Points(positions=none, colours=none, normals=none, detail=none[:, 0], opacity=none[:, 0]), *parts]
+    return _Points(**{name: torch.cat([getattr(p, name) for p in parts]) for name in _Points.__dataclass_fields__})
 
 
 def _voxel_keys(positions: Float[Tensor, "p 3"], voxel: float) -> np.ndarray:
@@ -161,7 +201,7 @@ def _spacing(positions: Float[Tensor, "p 3"]) -> Float[Tensor, "p"]:
     return torch.from_numpy(np.sqrt((distances[:, 1:] ** 2).mean(-1))).float().clamp_min(1e-5)
 
 
-def _from_cloud(capture: Capture, budget: int, generator: torch.Generator) -> _Points:
+def _from_cloud(capture: Capture, budget: int, opacity: float, generator: torch.Generator) -> _Points:
     cloud = capture.points
     assert cloud is not None
     count = len(cloud.positions)
@@ -172,6 +212,7 @@ def _from_cloud(capture: Capture, budget: int, generator: torch.Generator) -> _P
         colours=torch.from_numpy(cloud.colours).float() / 255.0,
         normals=normals,
         detail=torch.zeros(count),
+        opacity=torch.full((count,), opacity),
     )[keep]
 
 
@@ -193,12 +234,13 @@ def _from_box(capture: Capture, views: list[int], count: int, generator: torch.G
                 colours=frame.image.reshape(-1, 3)[pixels].float() / 255.0,
                 normals=torch.zeros(each, 3),
                 detail=torch.zeros(each),
+                opacity=torch.full((each,), 0.1),
             )
         )
-    return _Points(**{name: torch.cat([getattr(p, name) for p in found]) for name in _Points.__dataclass_fields__})
+    return _joined(found)
 
 
-def _splats(points: _Points, opacity: float, config: ReconstructConfig) -> Gaussians:
+def _splats(points: _Points, config: ReconstructConfig) -> Gaussians:
     """Discs on the surface where the normal is known, balls elsewhere."""
     count = len(points.positions)
     width = 0.7 * _spacing(points.positions)
@@ -212,6 +254,6 @@ def _splats(points: _Points, opacity: float, config: ReconstructConfig) -> Gauss
         means=points.positions.contiguous(),
         quats=quats_towards(torch.where(oriented[:, None], points.normals, up)),
         log_scales=scales.log(),
-        opacity_logits=torch.full((count,), float(np.log(opacity / (1.0 - opacity)))),
+        opacity_logits=torch.logit(points.opacity),
         sh=sh,
     )
