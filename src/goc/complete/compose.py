@@ -1,4 +1,4 @@
-"""One closed surface from what was measured and what was filled in: measurement wins, the model speaks where nobody saw."""
+"""One closed surface from what was measured and what was filled in: measurement wins."""
 
 from dataclasses import dataclass, replace
 

@@ -1,8 +1,9 @@
 """The evidence hull: what can still be the object once every ray was heard. A completion without any learning."""
 
+import math
+
 import numpy as np
 from jaxtyping import Bool, Float32
-from scipy import ndimage
 
 from goc.scene import Evidence, EvidenceGrid
 
@@ -18,8 +19,8 @@ def evidence_hull(evidence: EvidenceGrid) -> Float32[np.ndarray, "x y z"]:
 
     Where the object's surface was measured it is the fused distance, to the last bit. Voxels seen empty are outside.
     All the rest counts as solid. Where solid and empty meet without a measurement between, the border is a staircase of
-    voxels; it is relaxed into the solid, never into the empty, with the measured distance held, so that the surface goes
-    on smoothly from what was seen.
+    voxels; it is relaxed into the solid, never into the empty, with the measured distance held, so that the surface
+    goes on smoothly from what was seen.
     """
     seen, empty = evidence.state == Evidence.SURFACE, evidence.state == Evidence.EMPTY
     measured = np.clip(evidence.sdf / np.float32(evidence.voxel), -BAND, BAND).astype(np.float32)
@@ -66,9 +67,24 @@ def neighbour_mean(field: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "
 
 
 def _steps(empty: Bool[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
-    """Signed distance to the faces between empty voxels and the rest, in voxels; beyond the grid everything is empty."""
-    padded = np.pad(empty, 1, constant_values=True)
-    outer = ndimage.distance_transform_edt(padded)
-    inner = ndimage.distance_transform_edt(~padded)
-    distance = np.where(padded, outer - 0.5, 0.5 - inner)[1:-1, 1:-1, 1:-1]
-    return np.clip(distance, -BAND, BAND).astype(np.float32)
+    """Signed distance to the faces between empty voxels and the rest, in voxels, cut off at BAND."""
+    return (_apart(empty, ~empty) - _apart(~empty, empty)).astype(np.float32)
+
+
+def _apart(inner: Bool[np.ndarray, "x y z"], other: Bool[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
+    """Distance of inner voxels from the nearest other voxel's near face; 0 elsewhere.
+
+    Squared distances axis by axis (Felzenszwalb and Huttenlocher 2012), by brute force since the band is narrow.
+    """
+    reach = math.ceil(BAND)
+    far = (reach + 1) ** 2  # no sum of steps comes near the 255 of a byte
+    squared = np.where(other, np.uint8(0), np.uint8(far))
+    for axis in range(3):
+        lines = np.moveaxis(squared, axis, 0)
+        nearest = lines.copy()
+        for step in range(1, min(reach, len(lines) - 1) + 1):
+            np.minimum(nearest[step:], lines[:-step] + np.uint8(step**2), out=nearest[step:])
+            np.minimum(nearest[:-step], lines[step:] + np.uint8(step**2), out=nearest[:-step])
+        squared = np.moveaxis(np.minimum(nearest, np.uint8(far)), 0, axis)
+    roots = np.clip(np.sqrt(np.arange(far + 1)) - 0.5, 0, BAND).astype(np.float32)
+    return np.where(inner, roots[squared], np.float32(0))

@@ -1,7 +1,7 @@
 """What completion starts from and what it gives: an object seen in part, and a field of occupancy, in one frame."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -84,6 +84,7 @@ def partial_of(
     return Partial(points=cube.model_from_world(points), normals=unit.astype(np.float32), evidence=moved)
 
 
+@runtime_checkable
 class OccupancyField(Protocol):
     """How sure a model is, anywhere in the cube, that a point lies inside the object."""
 
@@ -92,6 +93,7 @@ class OccupancyField(Protocol):
         ...
 
 
+@runtime_checkable
 class Completer(Protocol):
     """A completion model, whatever is inside."""
 
@@ -153,8 +155,8 @@ def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray,
     """
     rows = [_nearest(evidence, axis, 2 * cells) for axis in range(3)]
     place = np.ix_(*(np.maximum(row, 0) for row in rows))
-    known = np.ix_(*(row >= 0 for row in rows))
-    inside = (known[0] & known[1] & known[2]).astype(np.uint8)
+    known = [(row >= 0).astype(np.uint8) for row in rows]
+    inside = known[0][:, None, None] * known[1][:, None] * known[2]
     state = evidence.state[place]
     surface = (state == Evidence.SURFACE) * inside
     band = _BAND * 2.0 / cells

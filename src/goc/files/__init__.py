@@ -3,6 +3,7 @@
 from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh, welded
 from goc.files.atomic import move_file, write_atomic, write_bytes
 from goc.files.documents import read_json, read_matrix, write_json
+from goc.files.glb import write_glb
 from goc.files.images import (
     image_size,
     read_depth,
@@ -46,6 +47,7 @@ __all__ = [
     "write_atomic",
     "write_bytes",
     "write_depth",
+    "write_glb",
     "write_ids",
     "write_image",
     "write_json",

@@ -7,8 +7,8 @@ from goc import _native
 
 _BLOCK = 8
 _APART = 0.01
-"""Least distance of a vertex from the grid points at its edge's ends, in edges: nearer, triangles would lose their area to
-rounding."""
+"""Least distance of a vertex from the grid points at its edge's ends, in edges: nearer, rounding would take
+the area of triangles."""
 
 
 def grid_surface(
