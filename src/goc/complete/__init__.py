@@ -1,7 +1,7 @@
 """Stage 4: an object seen in part in, the whole object out (paper §5)."""
 
 from goc.complete.compose import compose, compose_field, with_margin
-from goc.complete.config import CompleteConfig
+from goc.complete.config import CompleteConfig, ScanConfig
 from goc.complete.decode import Lattice, Refinement, decode, decode_densely, signed_distance
 from goc.complete.hull import evidence_hull
 from goc.complete.lite import LiteConfig, LiteField, OscLite
@@ -19,6 +19,7 @@ from goc.complete.partial import (
     evidence_channels,
     partial_of,
 )
+from goc.complete.scan import complete_scan
 from goc.complete.stage import complete_objects, model_fill
 from goc.complete.weights import SHIPPED, Network, build, load_network, save_network
 
@@ -40,11 +41,13 @@ __all__ = [
     "OscLite",
     "Partial",
     "PartialBatch",
+    "ScanConfig",
     "batch_of",
     "Refinement",
     "build",
     "cell_centres",
     "complete_objects",
+    "complete_scan",
     "compose",
     "compose_field",
     "cube_round",

@@ -7,6 +7,7 @@ from typing import Literal
 from goc.errors import ConfigError
 
 Method = Literal["none", "hull", "lite", "osc"]
+ScanMethod = Literal["smooth", "lite", "osc"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,3 +36,28 @@ class CompleteConfig:
                 f"--complete.weights is given, but --complete.method {self.method} uses none. "
                 "Pass --complete.method lite."
             )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ScanConfig:
+    """How one partial scan is closed, of which nothing is known but its points."""
+
+    method: ScanMethod = "smooth"
+    """smooth: as smoothly as the normals ask (Poisson). lite, osc: a network says what is solid."""
+    weights: Path | None = None
+    """The network's weights; left out: those that goc ships (lite)."""
+    threshold: float = 0.5
+    """Occupancy from which on a network's answer counts as solid, between 0 and 1."""
+    cells: int = 128
+    """Voxels along the scan's longest side; fewer where its points lie further apart."""
+
+    def __post_init__(self) -> None:
+        """Refuse values that mean nothing."""
+        if not 0.0 < self.threshold < 1.0:
+            raise ConfigError(f"--threshold is {self.threshold}: it is an occupancy, above 0 and below 1.")
+        if not 16 <= self.cells <= 400:
+            raise ConfigError(f"--cells is {self.cells}: needs 16 to 400.")
+        if self.method == "osc" and self.weights is None:
+            raise ConfigError("--method osc needs --weights: goc ships no weights of that size.")
+        if self.weights is not None and self.method == "smooth":
+            raise ConfigError("--weights is given, but --method smooth uses none. Pass --method lite.")

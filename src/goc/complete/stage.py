@@ -1,5 +1,7 @@
 """Stage 4: measured, open objects in, closed ones out."""
 
+from pathlib import Path
+
 import numpy as np
 from jaxtyping import Float32
 
@@ -41,10 +43,13 @@ def complete_objects(
     """
     if config.method == "none":
         return ()
-    model = None if config.method == "hull" else _network(config)
+    model = None if config.method == "hull" else network_for(config.method, config.weights)
     closed = []
     for number, found in enumerate(objects, 1):
-        done = compose(found, None if model is None else model_fill(model, found, config))
+        fill = None
+        if model is not None:
+            fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
+        done = compose(found, fill)
         flaw = watertight_flaw(done.mesh)
         if flaw is None:
             closed.append(done)
@@ -55,20 +60,29 @@ def complete_objects(
     return tuple(closed)
 
 
-def model_fill(model: Completer, found: ObjectMesh, config: CompleteConfig) -> Float32[np.ndarray, "x y z"]:
-    """A model's signed distance at the voxels of `with_margin(found.evidence)`, in voxels, positive outside."""
+def model_fill(
+    model: Completer, found: ObjectMesh, normals: Float32[np.ndarray, "v 3"], threshold: float, coarse_cells: int
+) -> Float32[np.ndarray, "x y z"]:
+    """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(found.evidence)`.
+
+    Args:
+        model: asked once for a field.
+        found: seen surface, as the vertices of its mesh, and evidence.
+        normals: unit, at the vertices.
+        threshold: occupancy at which the model's surface is.
+        coarse_cells: cells along the longest side in which its field is asked at first.
+    """
     grid = with_margin(found.evidence)
     points = found.mesh.vertices
     cube = cube_round(points)
     seen = narrowed(found.evidence, _BAND * max(found.evidence.state.shape) * found.evidence.voxel)
-    field = model.complete(partial_of(points, vertex_normals(found.mesh), seen, cube))
+    field = model.complete(partial_of(points, normals, seen, cube))
     scale = 2.0 / cube.side
     lattice = Lattice(origin=(grid.origin - cube.centre) * scale, voxel=grid.voxel * scale, shape=grid.state.shape)
     unknown = grid.state == Evidence.UNKNOWN
     surface = (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel)
-    refinement = Refinement(cells=config.coarse_cells)
-    logits = decode(field, lattice, refinement, wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
-    return signed_distance(logits, config.threshold)
+    logits = decode(field, lattice, Refinement(cells=coarse_cells), wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
+    return signed_distance(logits, threshold)
 
 
 def narrowed(evidence: EvidenceGrid, band: float) -> EvidenceGrid:
@@ -86,12 +100,16 @@ def narrowed(evidence: EvidenceGrid, band: float) -> EvidenceGrid:
     )
 
 
-def _network(config: CompleteConfig) -> Completer:
-    path = config.weights or SHIPPED
+def network_for(method: str, weights: Path | None) -> Completer:
+    """The network that a method names, from the weights given, or from those that goc ships.
+
+    Raises:
+        CompleteError: the weights are missing, or of the other network.
+    """
+    path = weights or SHIPPED
     network = load_network(path)
-    if not isinstance(network, OscLite if config.method == "lite" else Osc):
-        other = "osc" if config.method == "lite" else "lite"
-        raise CompleteError(f"{path}: these are weights of {other}. Pass --complete.method {other}.")
+    if not isinstance(network, OscLite if method == "lite" else Osc):
+        raise CompleteError(f"{path}: these are not weights of {method}. Choose the method that they were made for.")
     return network
 
 

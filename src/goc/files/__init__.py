@@ -19,6 +19,7 @@ from goc.files.images import (
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
 from goc.files.ply import Lists, read_ply, write_ply
 from goc.files.reading import is_file, is_folder, read_bytes
+from goc.files.scans import read_scan
 from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 
@@ -41,6 +42,7 @@ __all__ = [
     "read_observed_mesh",
     "read_ply",
     "read_points",
+    "read_scan",
     "read_splats",
     "read_tensors",
     "welded",
