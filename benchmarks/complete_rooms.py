@@ -1,8 +1,8 @@
 """What completion makes of exact depth and ids: `python benchmarks/complete_rooms.py --data ../shared/data/bench`.
 
-Fuses the measured depth of each room (all 170 views, and the 50 of transforms_sparse.json) into objects, completes them,
-and prints one line for the open objects and one for the closed ones, in the protocol of goc.evaluation. "Acc seen" is the
-accuracy of the surface that is flagged as observed: completion must leave it as good as it was.
+Fuses the measured depth of each room (all 170 views, and the 50 of transforms_sparse.json) into objects, completes
+them, and prints one line for the open objects and one for the closed ones, in the protocol of goc.evaluation.
+"Acc seen" is the accuracy of the surface that is flagged as observed: completion must leave it as good as it was.
 """
 
 import argparse

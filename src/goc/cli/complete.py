@@ -84,7 +84,10 @@ def _write(done: ObjectMesh, arguments: Arguments) -> None:
 
 def _summary(done: ObjectMesh, out: Path, seconds: float) -> str:
     sides = " x ".join(f"{side:.3g}" for side in np.ptp(done.mesh.vertices, axis=0))
-    return (
-        f"closed in {duration(seconds)}: {len(done.mesh.faces):,} faces, {sides}, "
-        f"volume {signed_volume(done.mesh):.3g} (units of the file), {1 - done.observed.mean():.0%} of the vertices filled in.\n  look at   {out}\n"
-    )
+    filled = f"{1 - done.observed.mean():.0%} of the vertices filled in"
+    volume = f"volume {signed_volume(done.mesh):.3g} (units of the file)"
+    lines = [
+        f"closed in {duration(seconds)}: {len(done.mesh.faces):,} faces, {sides}, {volume}, {filled}.",
+        f"  look at   {out}",
+    ]
+    return "\n".join(lines) + "\n"

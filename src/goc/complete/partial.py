@@ -129,10 +129,16 @@ def batch_of(partial: Partial, points: int, cells: int) -> PartialBatch:
 
 
 def spread_rows(available: int, wanted: int) -> Int64[np.ndarray, "{wanted}"]:
-    """Rows of a shuffled list, as many as wanted: without repetition where there are enough, else in rounds."""
-    rounds = -(-wanted // max(available, 1))
+    """Rows of a shuffled list, as many as wanted: without repetition where there are enough, else in rounds.
+
+    Raises:
+        ValueError: some are wanted and none are there.
+    """
+    if wanted and not available:
+        raise ValueError("No points were seen: there is nothing to complete.")
     random = np.random.default_rng(0)
-    return np.concatenate([random.permutation(available) for _ in range(rounds)])[:wanted]
+    rounds = [random.permutation(available) for _ in range(-(-wanted // max(available, 1)))]
+    return np.concatenate([np.zeros(0, np.int64), *rounds])[:wanted]
 
 
 def cell_centres(cells: int) -> Float32[np.ndarray, "n n n 3"]:
