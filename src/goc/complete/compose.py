@@ -74,7 +74,7 @@ def compose(found: ObjectMesh, fill: Float32[np.ndarray, "x y z"] | None) -> Obj
 
     Returns:
         The object with a watertight mesh (empty if there is no inside at all), world units as given; `observed` where
-        both voxels beside a vertex hold measured surface. Colours are carried over from the nearest measured ones and
+        a vertex lies in the measured band. Colours are carried over from the nearest measured ones and
         spread from there.
     """
     composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
@@ -138,10 +138,19 @@ def _voxels_of(points: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Int32[
 
 
 def _measured(vertices: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Bool[np.ndarray, "v"]:
-    """Vertices between two voxels in which surface was measured. Each lies on an edge of the grid."""
+    """Vertices whose place was measured; each lies on an edge of the grid, between an inner and an outer voxel.
+
+    Both voxels are in the measured band; or one is, within a voxel of the surface, and rays passed the other.
+    """
     at = (vertices - grid.origin) / grid.voxel
-    low = np.floor(at + 1e-3).astype(np.int64)
-    high = np.ceil(at - 1e-3).astype(np.int64)
     top = np.array(grid.state.shape) - 1
-    seen = grid.state == Evidence.SURFACE
-    return seen[tuple(np.clip(low, 0, top).T)] & seen[tuple(np.clip(high, 0, top).T)]
+    ends = [np.clip(end, 0, top) for end in (np.floor(at + 1e-3).astype(np.int64), np.ceil(at - 1e-3).astype(np.int64))]
+    seen, empty, near = (
+        [field[tuple(end.T)] for end in ends]
+        for field in (
+            grid.state == Evidence.SURFACE,
+            grid.state == Evidence.EMPTY,
+            (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel),
+        )
+    )
+    return (seen[0] & seen[1]) | (near[0] & empty[1]) | (empty[0] & near[1])

@@ -13,7 +13,6 @@ from goc.export.palette import colour_of_id, colours_of_depth, colours_of_ids
 from goc.export.portraits import dollhouse, portrait
 from goc.export.record import RunRecord
 from goc.export.report import filled_share
-from goc.geometry.topology import signed_volume
 from goc.raster import render
 from goc.scene import ROOM, UNLABELLED, Capture, ObjectMesh, SceneAssets
 
@@ -222,13 +221,8 @@ def _measures(item: ObjectMesh, is_closed: bool, unit: float) -> str:
     sides = (item.mesh.vertices.max(0) - item.mesh.vertices.min(0)) / unit
     size = " x ".join(f"{side:.2f}" for side in sides) + " m"
     if not is_closed:
-        return f"{size} · {_thousands(len(item.mesh.faces))} faces · open"
-    return f"{size} · {_litres(signed_volume(item.mesh) / unit**3)} · {filled_share(item):.0%} filled in"
-
-
-def _litres(cubic_metres: float) -> str:
-    litres = 1000 * cubic_metres
-    return f"{litres:,.0f} l" if litres >= 10 else f"{litres:.2g} l"
+        return f"{size} · {_thousands(len(item.mesh.faces))} faces"
+    return f"{size} · {filled_share(item):.0%} filled"
 
 
 def _thousands(count: int) -> str:
