@@ -77,12 +77,16 @@ def compose(found: ObjectMesh, fill: Float32[np.ndarray, "x y z"] | None) -> Obj
         a vertex lies in the measured band. Colours are carried over from the nearest measured ones and
         spread from there.
     """
-    composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+    return closed_object(found, compose_field(with_margin(found.evidence), fill, found.mesh.vertices))
+
+
+def closed_object(found: ObjectMesh, composed: Composition) -> ObjectMesh:
+    """The mesh of a composed field, flagged and coloured; its evidence is that which was composed, margin and all."""
     grid = composed.evidence
     vertices, faces = grid_surface(composed.distance, grid.origin, grid.voxel)
     observed = _measured(vertices, grid)
     mesh = Mesh(vertices=vertices, faces=faces, colours=spread_colours(vertices, faces, observed, found.mesh))
-    return replace(found, mesh=mesh, observed=observed)
+    return replace(found, mesh=mesh, observed=observed, evidence=grid)
 
 
 def without_crumbs(

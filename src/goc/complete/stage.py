@@ -1,11 +1,13 @@
 """Stage 4: measured, open objects in, closed ones out."""
 
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float32
 
-from goc.complete.compose import compose, with_margin
+from goc.complete.compose import Composition, closed_object, compose_field, with_margin
 from goc.complete.config import CompleteConfig
 from goc.complete.decode import Lattice, Refinement, decode, signed_distance
 from goc.complete.lite import OscLite
@@ -29,6 +31,8 @@ def complete_objects(
 ) -> tuple[ObjectMesh, ...]:
     """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
 
+    Small objects come first, and what they fill is empty for the others.
+
     Args:
         objects: open meshes with their evidence.
         config: what fills the unknown.
@@ -44,20 +48,50 @@ def complete_objects(
     if config.method == "none":
         return ()
     model = None if config.method == "hull" else network_for(config.method, config.weights)
-    closed = []
-    for number, found in enumerate(objects, 1):
+    closed: dict[int, ObjectMesh] = {}
+    solids: list[Composition] = []
+    for number, place in enumerate(_small_first(objects), 1):
+        found = without_neighbours(objects[place], solids)
         fill = None
         if model is not None:
             fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
-        done = compose(found, fill)
+        composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+        done = closed_object(found, composed)
         flaw = watertight_flaw(done.mesh)
         if flaw is None:
-            closed.append(done)
+            closed[place] = done
+            solids.append(composed)
         else:
             message = f"Object {found.id} ({found.label}) cannot be closed: {flaw}. It has its measured surface only."
             notify(Warned(stage="complete", message=message))
         notify(Progress(stage="complete", done=number, total=len(objects)))
-    return tuple(closed)
+    return tuple(closed[place] for place in sorted(closed))
+
+
+def without_neighbours(found: ObjectMesh, solids: Sequence[Composition]) -> ObjectMesh:
+    """The object with the unknown space that other objects fill marked as empty: two things are not in one place.
+
+    Without this, a table's hull would hold what is inside the cups on it, which no ray sees either.
+    """
+    state = found.evidence.state.copy()
+    grid = found.evidence
+    for solid in solids:
+        other = solid.evidence
+        rows = [
+            np.rint((grid.origin[a] + grid.voxel * np.arange(n) - other.origin[a]) / other.voxel).astype(np.int64)
+            for a, n in enumerate(state.shape)
+        ]
+        met = [np.flatnonzero((row >= 0) & (row < other.state.shape[a])) for a, row in enumerate(rows)]
+        part = state[np.ix_(*met)]
+        filled = solid.distance[np.ix_(*(row[hit] for row, hit in zip(rows, met, strict=True)))] < 0
+        state[np.ix_(*met)] = np.where(filled & (part == Evidence.UNKNOWN), np.uint8(Evidence.EMPTY), part)
+    return replace(found, evidence=replace(grid, state=state))
+
+
+def _small_first(objects: Sequence[ObjectMesh]) -> list[int]:
+    """Places of the objects by the volume of their boxes: of what nobody saw, the smaller of two is the surer owner."""
+    spans = [np.ptp(item.mesh.vertices, axis=0) if len(item.mesh.vertices) else np.zeros(3) for item in objects]
+    return sorted(range(len(objects)), key=lambda place: (float(np.prod(spans[place])), place))
 
 
 def model_fill(
