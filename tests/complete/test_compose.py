@@ -1,5 +1,7 @@
 """One closed surface, whatever the evidence: measured surface stays, seen-empty stays empty, pieces and hollows go."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -190,3 +192,39 @@ def test_settings_that_mean_nothing_are_refused(settings, text):
     settings = {key: Path(value) if key == "weights" else value for key, value in settings.items()}
     with pytest.raises(ConfigError, match=text):
         CompleteConfig(**settings)
+
+
+def block(low, high, seen_above, shape=(24, 24, 24)):
+    """A block of which the top was seen from straight above, on a grid of unit voxels; below is unknown."""
+    at = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1)
+    inside = ((at >= low) & (at <= high)).all(axis=-1)
+    column = inside.any(axis=2)[..., None] & (at[..., 2] <= high[2])
+    height = at[..., 2] - (high[2] + 0.5)
+    surface = inside.any(axis=2)[..., None] & (np.abs(height) <= 2) & seen_above[..., None]
+    hidden = (column | ~seen_above[..., None]) & (at[..., 2] <= 14)
+    state = np.where(surface, Evidence.SURFACE, np.where(hidden, Evidence.UNKNOWN, Evidence.EMPTY)).astype(np.uint8)
+    sdf = np.where(surface, height, 0).astype(np.float32)
+    return EvidenceGrid(origin=np.zeros(3), voxel=1.0, state=state, sdf=sdf)
+
+
+def test_what_a_small_object_fills_is_empty_for_the_large_one_below():
+    """A cup on a table: no ray sees what is inside the cup, and the table's hull alone would hold it."""
+    everywhere = np.ones((24, 24), bool)
+    beside = everywhere.copy()
+    beside[10:15, 10:15] = False
+    cup = block((10, 10, 8), (14, 14, 14), everywhere)
+    cup = EvidenceGrid(
+        origin=cup.origin + [0, 0, 8], voxel=1.0, state=cup.state[:, :, 8:].copy(), sdf=cup.sdf[:, :, 8:].copy()
+    )
+    table = block((2, 2, 3), (21, 21, 7), beside)
+    things = (
+        replace(bare(table, points_of(table.state)), id=1),
+        replace(bare(cup, points_of(cup.state) + [0, 0, 8]), id=2),
+    )
+    alone = compose(things[0], None)
+    assert alone.mesh.vertices[:, 2].max() > 12
+    table_done, cup_done = complete_objects(things, CompleteConfig())
+    assert [table_done.id, cup_done.id] == [1, 2]
+    assert 7 < table_done.mesh.vertices[:, 2].max() < 8.6
+    assert cup_done.mesh.vertices[:, 2].min() > 7
+    assert trouble(table_done.mesh.vertices, table_done.mesh.faces) == ""
