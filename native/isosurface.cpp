@@ -1,5 +1,6 @@
 #include "isosurface.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -39,6 +40,26 @@ std::array<int, 24> contour(int inside) {
   return next;
 }
 
+bool on_one_face(int edge, int other) {
+  const auto faces = [](int e) {  // the two faces of the cell that meet in the edge, as bits: 2 * axis + side
+    const int axis = e % 3, corner = e / 3, u = (axis + 1) % 3, v = (axis + 2) % 3;
+    return 1 << (2 * u + (corner >> u & 1)) | 1 << (2 * v + (corner >> v & 1));
+  };
+  return faces(edge) & faces(other);
+}
+
+// Where a loop's fan of triangles starts. A diagonal within a face of the cell could be the neighbour's diagonal too, and
+// then four triangles would share it; every loop has a start without such diagonals, so the surface is a manifold.
+std::size_t fan_start(const std::vector<std::uint8_t>& loop) {
+  for (std::size_t start = 0; start < loop.size(); ++start) {
+    bool good = true;
+    for (std::size_t i = 2; i + 1 < loop.size(); ++i)
+      good &= !on_one_face(loop[start], loop[(start + i) % loop.size()]);
+    if (good) return start;
+  }
+  return 0;
+}
+
 Patterns make_patterns() {
   Patterns patterns;
   for (int inside = 1; inside < 255; ++inside) {
@@ -51,6 +72,8 @@ Patterns make_patterns() {
         next[edge] = -1;
         edge = follow;
       }
+      if (loop.empty()) continue;
+      std::rotate(loop.begin(), loop.begin() + static_cast<std::ptrdiff_t>(fan_start(loop)), loop.end());
       for (std::size_t i = 2; i < loop.size(); ++i) patterns[inside].push_back({loop[0], loop[i], loop[i - 1]});
     }
   }

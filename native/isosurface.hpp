@@ -1,4 +1,5 @@
-// Marching cubes (Lorensen and Cline 1987) over sparse voxel blocks, one shared vertex a crossed edge: no seams.
+// Marching cubes (Lorensen and Cline 1987) over sparse voxel blocks, one shared vertex a crossed edge: no seams, and a
+// manifold: no edge is on more than two faces.
 #pragma once
 #include <cstddef>
 #include <cstdint>

@@ -41,6 +41,18 @@ class ExtractError(GocError):
     exit_code = 5
 
 
+class CompleteError(GocError):
+    """An object cannot be completed, or a model cannot be loaded."""
+
+    exit_code = 5
+
+
+class TrainError(GocError):
+    """Training data, a checkpoint or a loss is unusable."""
+
+    exit_code = 5
+
+
 class ExportError(GocError):
     """The output folder cannot be used."""
 

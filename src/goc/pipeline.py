@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from goc.capture import CaptureConfig, load_capture
+from goc.complete import CompleteConfig, complete_objects
 from goc.events import Listener, ignore
 from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
@@ -24,6 +25,8 @@ class CarveConfig:
     """Optimising the splats."""
     extract: ExtractConfig = field(default_factory=ExtractConfig)
     """Meshing the scene and its objects."""
+    complete: CompleteConfig = field(default_factory=CompleteConfig)
+    """Closing the objects."""
     export: ExportConfig = field(default_factory=ExportConfig)
     """Writing what came out."""
 
@@ -76,9 +79,15 @@ def carve(
         with run.stage("extract"):
             scene = fuse_scene(views, config.extract, run)
             objects = extract_objects(views, config.extract, run)
-        # Completion of unseen surface (paper §5) goes here: ObjectMesh → watertight ObjectMesh.
+        with run.stage("complete"):
+            completed = complete_objects(objects, config.complete, run)
         assets = SceneAssets(
-            reconstruction=splats, scene=scene, objects=objects, unit=capture.unit, metric=capture.metric
+            reconstruction=splats,
+            scene=scene,
+            objects=objects,
+            completed=completed,
+            unit=capture.unit,
+            metric=capture.metric,
         )
         with run.stage("export"):
             export_scene(assets, views, output.staged, _title(source), config.export, run)

@@ -19,6 +19,7 @@ from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read
 from goc.pipeline import CarveConfig, carve
 from goc.reconstruct import Mcmc, ReconstructConfig
 from goc.scene import PointCloud
+from oracles.watertight import signed_volume, trouble
 
 TINY = CarveConfig(
     reconstruct=ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=4000)),
@@ -26,6 +27,7 @@ TINY = CarveConfig(
     export=ExportConfig(overview_views=1),
 )
 VIEWS = 24
+FILES = ("mesh.glb", "mesh.ply", "observed.ply", "splats.ply")
 
 
 def stop_at(step):
@@ -55,7 +57,7 @@ def finished(capture, tmp_path_factory):
 
 
 def test_a_capture_becomes_a_scene_and_its_objects(finished):
-    objects = [f"objects/{number}/{name}.ply" for number in OBJECTS for name in ("observed", "splats")]
+    objects = [f"objects/{number}/{name}" for number in OBJECTS for name in FILES]
     assert sorted(contents(finished)) == [*objects, "overview.png", "report.json", "scene/mesh.ply", "scene/splats.ply"]
     scene = read_mesh(finished / "scene/mesh.ply")
     low, high = np.percentile(scene.vertices, [1, 99], axis=0)
@@ -69,6 +71,10 @@ def test_a_capture_becomes_a_scene_and_its_objects(finished):
         assert observed.mean() > 0.5
         a, b, c = (mesh.vertices[mesh.faces] - box.mean(0)).transpose(1, 0, 2)
         assert (np.cross(a, b) * c).sum() > 0  # counter-clockwise from outside
+        closed, seen = read_observed_mesh(finished / f"objects/{number}/mesh.ply")
+        assert trouble(closed.vertices, closed.faces) == ""
+        assert 0.2 < seen.mean() < 1.0
+        assert signed_volume(closed.vertices, closed.faces) == pytest.approx(np.prod(box[1] - box[0]), rel=0.35)
         own = read_splats(finished / f"objects/{number}/splats.ply")
         assert len(own) > 20
     assert image_size(finished / "overview.png")[0] == 1720
@@ -76,9 +82,12 @@ def test_a_capture_becomes_a_scene_and_its_objects(finished):
 
 def test_the_report_tells_the_whole_run(finished, capture):
     report = read_json(finished / "report.json", Report)
-    assert list(report.seconds) == ["capture", "reconstruct", "extract", "export"]
+    assert list(report.seconds) == ["capture", "reconstruct", "extract", "complete", "export"]
     assert (report.capture.path, report.capture.views) == (str(capture), VIEWS)
     assert [(item.id, item.label) for item in report.objects] == [(1, LABELS["1"]), (2, LABELS["2"])]
+    for item in report.objects:
+        assert item.completion is not None and item.completion.watertight
+        assert 0.0 < item.completion.completed_share < 1.0
     assert report.metrics["held_out_psnr_db"] > 15
     assert report.config["reconstruct"]["iterations"] == 60
     assert report.config["extract"]["scene_voxel"] == 0.05

@@ -14,6 +14,7 @@ import tyro
 from goc.capture import CaptureConfig
 from goc.cli.failures import STOPPED, say
 from goc.cli.progress import duration, shown_progress
+from goc.complete import CompleteConfig
 from goc.errors import ConfigError
 from goc.export import ExportConfig, is_stopped_run
 from goc.extract import ExtractConfig
@@ -58,6 +59,7 @@ class Arguments:
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
     extract: ExtractConfig = field(default_factory=ExtractConfig)
+    complete: CompleteConfig = field(default_factory=CompleteConfig)
 
     def config(self) -> CarveConfig:
         """The settings of the stages, shortcuts applied."""
@@ -73,6 +75,7 @@ class Arguments:
             segment=segment,
             reconstruct=reconstruct,
             extract=self.extract,
+            complete=self.complete,
             export=ExportConfig(overwrite=self.overwrite),
         )
 
@@ -92,6 +95,7 @@ def parse(words: Sequence[str]) -> Arguments:
         segment=preset.segment,
         reconstruct=preset.reconstruct,
         extract=preset.extract,
+        complete=preset.complete,
     )
     return tyro.cli(arguments, prog="goc carve", description=_DESCRIPTION, args=list(words))
 
@@ -128,11 +132,12 @@ def _how_to_go_on(out: Path, command: Sequence[str]) -> str:
 
 def _summary(assets: SceneAssets, out: Path, seconds: float) -> str:
     count = len(assets.objects)
+    closed = "mesh.glb, mesh.ply (closed), " if assets.completed else ""
     lines = [
         f"{count} object{'s' * (count != 1)} in {duration(seconds)}.",
         f"  look at   {out / 'overview.png'}",
         f"  scene     {out / 'scene' / 'mesh.ply'}, {out / 'scene' / 'splats.ply'}",
-        f"  objects   {out / 'objects'}/<id>/observed.ply, splats.ply",
+        f"  objects   {out / 'objects'}/<id>/{closed}observed.ply, splats.ply",
         f"  figures   {out / 'report.json'}",
     ]
     return "\n".join(lines) + "\n"

@@ -15,7 +15,10 @@ OVERVIEW = "overview.png"
 SCENE_MESH = "scene/mesh.ply"
 SCENE_SPLATS = "scene/splats.ply"
 OBJECT_MESH = "observed.ply"
+OBJECT_CLOSED = "mesh.ply"
+OBJECT_GLB = "mesh.glb"
 OBJECT_SPLATS = "splats.ply"
+OBJECT_FILES = (OBJECT_MESH, OBJECT_CLOSED, OBJECT_GLB, OBJECT_SPLATS)
 _WORK = ".work"
 _CHECKPOINT = "checkpoint.safetensors"
 
@@ -133,7 +136,7 @@ def _own_files(folder: Path) -> list[Path]:
     names = [Path(name) for name in (REPORT, OVERVIEW, SCENE_MESH, SCENE_SPLATS)]
     for parts in (folder / "objects").glob("*"):
         if parts.name.isascii() and parts.name.isdigit():
-            names += [Path("objects") / parts.name / name for name in (OBJECT_MESH, OBJECT_SPLATS)]
+            names += [Path("objects") / parts.name / name for name in OBJECT_FILES]
     return [name for name in names if is_file(folder / name)]
 
 

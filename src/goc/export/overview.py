@@ -12,6 +12,7 @@ from goc.export.canvas import ALARM, FAINT, Canvas
 from goc.export.palette import colour_of_id, colours_of_depth, colours_of_ids
 from goc.export.portraits import dollhouse, portrait
 from goc.export.record import RunRecord
+from goc.export.report import filled_share
 from goc.raster import render
 from goc.scene import ROOM, UNLABELLED, Capture, ObjectMesh, SceneAssets
 
@@ -69,8 +70,9 @@ def draw_overview(
         step()
     tiles = [dollhouse(assets.scene, up_of(views), 2 * _TILE + _GAP)]
     step()
+    closed = {item.id: item for item in assets.completed}
     for item in assets.objects:
-        tiles.append(portrait(item.mesh, up_of(views), _TILE))
+        tiles.append(portrait(closed.get(item.id, item).mesh, up_of(views), _TILE))
         step()
     bands = [_header(assets, views, title, run), *_view_bands(rows), _tile_band(assets, tiles)]
     return np.concatenate(bands)
@@ -196,20 +198,31 @@ def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]])
     side = 2 * _TILE + _GAP
     canvas.picture(tiles[0], _MARGIN, 24, side, side)
     canvas.text("the scene's mesh", _MARGIN, 24 + side + 8, _TEXT_PX, side)
+    closed = {item.id: item for item in assets.completed}
     for item, tile, (row, column) in zip(assets.objects, tiles[1:], places, strict=True):
         x, y = _MARGIN + column * (_TILE + _GAP), 24 + row * pitch
         canvas.picture(tile, x, y, _TILE, _TILE)
         canvas.chip(x, y + _TILE + 9, 16, colour_of_id(item.id))
         canvas.text(f"{item.id} · {item.label}", x + 24, y + _TILE + 5, _TEXT_PX, _TILE - 24)
-        canvas.text(_measures(item, assets.unit), x + 24, y + _TILE + 29, _SMALL_PX, _TILE - 24, FAINT)
+        canvas.text(
+            _measures(closed.get(item.id, item), item.id in closed, assets.unit),
+            x + 24,
+            y + _TILE + 29,
+            _SMALL_PX,
+            _TILE - 24,
+            FAINT,
+        )
     return canvas.pixels()
 
 
-def _measures(item: ObjectMesh, unit: float) -> str:
+def _measures(item: ObjectMesh, is_closed: bool, unit: float) -> str:
     if not len(item.mesh.vertices):
         return "no surface"
     sides = (item.mesh.vertices.max(0) - item.mesh.vertices.min(0)) / unit
-    return " x ".join(f"{side:.2f}" for side in sides) + f" m · {_thousands(len(item.mesh.faces))} faces"
+    size = " x ".join(f"{side:.2f}" for side in sides) + " m"
+    if not is_closed:
+        return f"{size} · {_thousands(len(item.mesh.faces))} faces"
+    return f"{size} · {filled_share(item):.0%} filled"
 
 
 def _thousands(count: int) -> str:

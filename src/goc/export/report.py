@@ -6,12 +6,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import msgspec
-import numpy as np
 
 from goc import __version__
 from goc.export.machine import Machine, peak_memory_mb, this_machine
 from goc.export.record import RunRecord
 from goc.files import write_json
+from goc.geometry.surfaces import face_areas
+from goc.geometry.topology import is_watertight, signed_volume
 from goc.scene import Capture, DepthKind, Mesh, ObjectMesh, SceneAssets
 
 if TYPE_CHECKING:
@@ -50,6 +51,19 @@ class SurfaceFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     area_m2: float
 
 
+class CompletionFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """The closed surface of an object."""
+
+    vertices: int
+    faces: int
+    completed_share: float
+    """Share of its area that nobody measured: between vertices that were filled in."""
+    watertight: bool
+    """Checked: every edge on exactly two faces, consistent winding, no face without area, positive volume."""
+    volume_m3: float
+    area_m2: float
+
+
 class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One object."""
 
@@ -57,6 +71,8 @@ class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields
     label: str
     observed_share: float
     """Share of the vertices that some camera measured well."""
+    completion: CompletionFacts | None
+    """Null where the object was not completed."""
 
 
 class WarningFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -134,18 +150,36 @@ def _capture_facts(source: Path, capture: Capture) -> CaptureFacts:
 
 
 def _object_facts(item: ObjectMesh, assets: SceneAssets) -> ObjectFacts:
+    closed = next((other for other in assets.completed if other.id == item.id), None)
     splats = int((assets.reconstruction.labels == item.id).sum())
     return ObjectFacts(
         id=item.id,
         label=item.label,
         observed_share=round(float(item.observed.mean()), 4) if len(item.observed) else 0.0,
+        completion=None if closed is None else _completion_facts(closed, assets.unit),
         **_surface(item.mesh, splats, assets.unit),
     )
 
 
+def _completion_facts(closed: ObjectMesh, unit: float) -> CompletionFacts:
+    return CompletionFacts(
+        vertices=len(closed.mesh.vertices),
+        faces=len(closed.mesh.faces),
+        completed_share=round(filled_share(closed), 4),
+        watertight=is_watertight(closed.mesh),
+        volume_m3=round(signed_volume(closed.mesh) / unit**3, 9),
+        area_m2=round(float(face_areas(closed.mesh).sum()) / unit**2, 4),
+    )
+
+
+def filled_share(closed: ObjectMesh) -> float:
+    """Share of a completed object's area that was filled in: that of its faces' corners which were not observed."""
+    areas = face_areas(closed.mesh)
+    filled = 1.0 - closed.observed[closed.mesh.faces].mean(axis=1)
+    return float((areas * filled).sum() / max(float(areas.sum()), 1e-30))
+
+
 def _surface(mesh: Mesh, splats: int, unit: float) -> dict[str, Any]:
-    corners = mesh.vertices.astype(np.float64)[mesh.faces]
-    doubled = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     bounds = None
     size = (0.0, 0.0, 0.0)
     if len(mesh.vertices):
@@ -158,5 +192,5 @@ def _surface(mesh: Mesh, splats: int, unit: float) -> dict[str, Any]:
         "splats": splats,
         "bounds": bounds,
         "size_m": size,
-        "area_m2": round(float(doubled.sum()) / 2 / unit**2, 4),
+        "area_m2": round(float(face_areas(mesh).sum()) / unit**2, 4),
     }

@@ -3,10 +3,20 @@
 from pathlib import Path
 
 from goc.export.config import ExportConfig
-from goc.export.output import OBJECT_MESH, OBJECT_SPLATS, OVERVIEW, SCENE_MESH, SCENE_SPLATS, object_folder
-from goc.export.overview import draw_overview
+from goc.export.output import (
+    OBJECT_CLOSED,
+    OBJECT_GLB,
+    OBJECT_MESH,
+    OBJECT_SPLATS,
+    OVERVIEW,
+    SCENE_MESH,
+    SCENE_SPLATS,
+    object_folder,
+)
+from goc.export.overview import draw_overview, up_of
 from goc.export.record import RunRecord
-from goc.files import write_mesh, write_png, write_splats
+from goc.files import write_glb, write_mesh, write_png, write_splats
+from goc.geometry.surfaces import vertex_normals
 from goc.scene import Capture, SceneAssets
 
 
@@ -33,4 +43,8 @@ def export_scene(
         own = object_folder(item.id)
         write_mesh(folder / own / OBJECT_MESH, item.mesh, item.observed)
         write_splats(folder / own / OBJECT_SPLATS, splats[assets.reconstruction.labels == item.id])
+    for item in assets.completed:
+        own = folder / object_folder(item.id)
+        write_mesh(own / OBJECT_CLOSED, item.mesh, item.observed)
+        write_glb(own / OBJECT_GLB, item.mesh, vertex_normals(item.mesh), up_of(views), assets.unit, item.label)
     write_png(folder / OVERVIEW, draw_overview(assets, views, title, config.overview_views, run))

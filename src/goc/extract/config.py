@@ -20,7 +20,7 @@ class ExtractConfig:
     truncation_voxels: float = 3.0
     """Half the width of the band round a measured surface that one view speaks for, voxels."""
     evidence_cells: int = 128
-    """Voxels along the longest side of an object's evidence grid."""
+    """Voxels along the longest side of an object's evidence grid; up to twice as many if object_voxel asks for it."""
     evidence_pad: float = 0.04
     """Room left round an object's measured points in its evidence grid, metres."""
     least_views: int = 3

@@ -13,11 +13,20 @@ _KNOWN_LAYER = 0.25
 
 
 def evidence_lattice(points: Float32[np.ndarray, "v 3"], unit: float, config: ExtractConfig) -> Lattice:
-    """Box of voxels round an object's measured points: padded, `evidence_cells` at most along its longest side."""
+    """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
+
+    Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
+    surface where it is, and can do so only as finely as this.
+    """
     pad = config.evidence_pad * unit
     low, high = _extent(points)
     low, high = low - pad, high + pad
-    voxel = max(float((high - low).max()) / config.evidence_cells, config.finest_voxel * unit)
+    longest = float((high - low).max())
+    voxel = max(
+        min(config.object_voxel * unit, longest / config.evidence_cells),
+        longest / (2 * config.evidence_cells),
+        config.finest_voxel * unit,
+    )
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
     return Lattice(

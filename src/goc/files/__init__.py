@@ -3,6 +3,7 @@
 from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh, welded
 from goc.files.atomic import move_file, write_atomic, write_bytes
 from goc.files.documents import read_json, read_matrix, write_json
+from goc.files.glb import write_glb
 from goc.files.images import (
     image_size,
     read_depth,
@@ -18,6 +19,7 @@ from goc.files.images import (
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
 from goc.files.ply import Lists, read_ply, write_ply
 from goc.files.reading import is_file, is_folder, read_bytes
+from goc.files.scans import read_scan
 from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 
@@ -40,12 +42,14 @@ __all__ = [
     "read_observed_mesh",
     "read_ply",
     "read_points",
+    "read_scan",
     "read_splats",
     "read_tensors",
     "welded",
     "write_atomic",
     "write_bytes",
     "write_depth",
+    "write_glb",
     "write_ids",
     "write_image",
     "write_json",

@@ -15,6 +15,8 @@ class SceneAssets:
     """The whole scene's surface with vertex colours."""
     objects: tuple[ObjectMesh, ...]
     """Measured surface of each object, ascending ids."""
+    completed: tuple[ObjectMesh, ...] = ()
+    """Closed surface of the objects that could be completed, ascending ids; each has an open one in `objects`."""
     unit: float
     """Scene units in one metre."""
     metric: bool

@@ -1,0 +1,93 @@
+"""`goc complete`: one partial scan in, a closed mesh out."""
+
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+import tyro
+
+from goc.cli.progress import duration, shown_progress
+from goc.complete import ScanConfig, complete_scan
+from goc.errors import ConfigError
+from goc.files import read_scan, write_glb, write_mesh
+from goc.geometry.surfaces import surface_cloud, vertex_normals
+from goc.geometry.topology import is_watertight, signed_volume
+from goc.scene import Mesh, ObjectMesh
+
+_DESCRIPTION = """Close one partial scan: a point cloud or mesh of an object that was seen in part.
+
+INPUT is .ply, .glb, .obj, .xyz, .txt or .pts. Normals are estimated where a point cloud has none; a mesh must be wound
+counter-clockwise seen from outside. Without cameras nothing is known to be empty, so what is filled in is a guess: with
+`smooth`, the surface goes on as smoothly as its normals ask, which closes holes well and invents no missing half. A
+scan that comes with its views is better carved: `goc carve` knows where rays passed.
+
+examples:
+  goc complete mug.ply --out mug_closed.ply
+  goc complete chair.glb --out chair_closed.glb --cells 200
+  goc complete scan.xyz --out scan.glb --up y
+  goc complete mug.ply --out mug_closed.ply --method osc --weights osc_m.safetensors"""
+
+_SAMPLES = 100_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments:
+    """What stands on the command line."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="INPUT"), tyro.conf.Positional]
+    """The partial scan."""
+    out: Annotated[Path, tyro.conf.arg(metavar="MESH")]
+    """The closed mesh: .ply (vertex property `observed`: 1 measured, 0 filled in) or .glb (y up)."""
+    up: Literal["file", "y", "z"] = "file"
+    """Which axis of INPUT points up, for .glb; file: y in .glb and .obj, z in others."""
+    overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Replace MESH if it is there."""
+    scan: Annotated[ScanConfig, tyro.conf.arg(name="")] = field(default_factory=ScanConfig)
+
+
+def main(words: Sequence[str]) -> int:
+    """Run `goc complete` with the words that follow it."""
+    arguments = tyro.cli(Arguments, prog="goc complete", description=_DESCRIPTION, args=list(words))
+    if arguments.out.suffix.lower() not in (".ply", ".glb"):
+        raise ConfigError(f"--out {arguments.out}: goc writes .ply and .glb. Choose one of them.")
+    if arguments.out.exists() and not arguments.overwrite:
+        raise ConfigError(f"{arguments.out}: is there already. Pass --overwrite to replace it.")
+    started = time.monotonic()
+    done = _completed(arguments)
+    _write(done, arguments)
+    sys.stdout.write(_summary(done, arguments.out, time.monotonic() - started))
+    return 0
+
+
+def _completed(arguments: Arguments) -> ObjectMesh:
+    given = read_scan(arguments.source)
+    if isinstance(given, Mesh):
+        if is_watertight(given):
+            raise ConfigError(f"{arguments.source}: is watertight already. There is nothing to complete.")
+        given = surface_cloud(given, _SAMPLES)
+    with shown_progress() as notify:
+        return complete_scan(given, arguments.scan, notify)
+
+
+def _write(done: ObjectMesh, arguments: Arguments) -> None:
+    if arguments.out.suffix.lower() == ".ply":
+        write_mesh(arguments.out, done.mesh, done.observed)
+        return
+    y_up = arguments.up == "y" or (arguments.up == "file" and arguments.source.suffix.lower() in (".glb", ".obj"))
+    up = np.eye(3)[1 if y_up else 2]
+    write_glb(arguments.out, done.mesh, vertex_normals(done.mesh), up, 1.0, arguments.source.stem)
+
+
+def _summary(done: ObjectMesh, out: Path, seconds: float) -> str:
+    sides = " x ".join(f"{side:.3g}" for side in np.ptp(done.mesh.vertices, axis=0))
+    filled = f"{1 - done.observed.mean():.0%} of the vertices filled in"
+    volume = f"volume {signed_volume(done.mesh):.3g} (units of the file)"
+    lines = [
+        f"closed in {duration(seconds)}: {len(done.mesh.faces):,} faces, {sides}, {volume}, {filled}.",
+        f"  look at   {out}",
+    ]
+    return "\n".join(lines) + "\n"

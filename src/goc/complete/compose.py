@@ -1,0 +1,160 @@
+"""One closed surface from what was measured and what was filled in: measurement wins."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int32
+from scipy import ndimage
+
+from goc.complete.colours import spread_colours
+from goc.complete.hull import BAND, evidence_hull, neighbour_mean, relaxed
+from goc.geometry.isosurface import grid_surface
+from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+
+_MARGIN = 2
+"""Empty voxels put round the evidence, so that every surface closes inside the grid."""
+_SEAM = 3.0
+"""Voxels within which the filled surface bends to meet the measured one."""
+_SEAM_ROUNDS = 12
+_LEAST_SHARE = 0.02
+"""Share of the measured surface that a piece must carry to be a part of the object."""
+_OUTSIDE_LINKS = ndimage.generate_binary_structure(3, 2)
+"""Marching cubes here parts inside corners that touch across an edge only, and so joins outside corners that do."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Composition:
+    """The signed field that a completed object is the zero level of."""
+
+    distance: Float32[np.ndarray, "x y z"]
+    """Voxels, positive outside; its outermost layers are outside."""
+    evidence: EvidenceGrid
+    """The evidence on the same grid."""
+
+
+def with_margin(evidence: EvidenceGrid, margin: int = _MARGIN) -> EvidenceGrid:
+    """The same evidence in a grid that is larger by `margin` empty voxels on each side."""
+    return replace(
+        evidence,
+        origin=evidence.origin - margin * evidence.voxel,
+        state=np.pad(evidence.state, margin, constant_values=int(Evidence.EMPTY)),
+        sdf=np.pad(evidence.sdf, margin),
+    )
+
+
+def compose_field(
+    evidence: EvidenceGrid, fill: Float32[np.ndarray, "x y z"] | None, seen: Float32[np.ndarray, "v 3"]
+) -> Composition:
+    """One signed field: measured distance where the surface was seen, outside where rays passed, the fill elsewhere.
+
+    Args:
+        evidence: with a margin, see `with_margin`.
+        fill: a model's signed distance at the voxels, in voxels, positive outside; valid wherever the evidence is
+            unknown or surface. None: everything that is not seen empty is solid (the evidence hull).
+        seen: vertices of the measured surface, world: tell which pieces are parts of the object.
+
+    Returns:
+        Measured voxels have their measured sign, save in pieces that were dropped and in holes that were closed:
+        pieces with next to no measured surface, and hollows that nothing outside leads to.
+    """
+    distance = evidence_hull(evidence)
+    if fill is not None:
+        distance = _filled(distance, np.clip(fill, -BAND, BAND).astype(np.float32), evidence)
+    distance = np.where(np.abs(distance) < 1e-3, np.float32(1e-3), distance)  # zero has no side
+    distance = without_crumbs(distance, _voxels_of(seen, evidence))
+    return Composition(distance=without_hollows(distance), evidence=evidence)
+
+
+def compose(found: ObjectMesh, fill: Float32[np.ndarray, "x y z"] | None) -> ObjectMesh:
+    """A closed mesh from a measured one: see `compose_field`; its vertices are observed or completed.
+
+    Args:
+        found: an open surface with its evidence.
+        fill: at the voxels of `with_margin(found.evidence)`; None for the hull.
+
+    Returns:
+        The object with a watertight mesh (empty if there is no inside at all), world units as given; `observed` where
+        a vertex lies in the measured band. Colours are carried over from the nearest measured ones and
+        spread from there.
+    """
+    return closed_object(found, compose_field(with_margin(found.evidence), fill, found.mesh.vertices))
+
+
+def closed_object(found: ObjectMesh, composed: Composition) -> ObjectMesh:
+    """The mesh of a composed field, flagged and coloured; its evidence is that which was composed, margin and all."""
+    grid = composed.evidence
+    vertices, faces = grid_surface(composed.distance, grid.origin, grid.voxel)
+    observed = _measured(vertices, grid)
+    mesh = Mesh(vertices=vertices, faces=faces, colours=spread_colours(vertices, faces, observed, found.mesh))
+    return replace(found, mesh=mesh, observed=observed, evidence=grid)
+
+
+def without_crumbs(
+    distance: Float32[np.ndarray, "x y z"], seen: Int32[np.ndarray, "v 3"]
+) -> Float32[np.ndarray, "x y z"]:
+    """Only the pieces that carry some measured surface; the one that carries most (or is largest) always stays.
+
+    Args:
+        distance: voxels, positive outside.
+        seen: voxels at which surface was measured; an inside voxel next to one is reached by it.
+    """
+    pieces, count = ndimage.label(distance < 0)
+    if count <= 1:
+        return distance
+    reached = np.zeros(len(seen), pieces.dtype)
+    for step in np.ndindex(3, 3, 3):
+        at = np.clip(seen + np.array(step) - 1, 0, np.array(distance.shape) - 1)
+        reached = np.maximum(reached, pieces[tuple(at.T)])
+    votes = np.bincount(reached, minlength=count + 1)[1:]
+    sizes = np.bincount(pieces.ravel(), minlength=count + 1)[1:]
+    keep = votes >= max(1.0, _LEAST_SHARE * len(seen))
+    keep[np.lexsort((sizes, votes))[-1]] = True
+    dropped = np.concatenate([[False], ~keep])[pieces]
+    return np.where(dropped, -distance, distance)
+
+
+def without_hollows(distance: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
+    """Fill what is outside but not joined to the outside: no camera and no hand gets there."""
+    rooms, _ = ndimage.label(distance > 0, _OUTSIDE_LINKS)
+    hollow = (rooms > 0) & (rooms != rooms[0, 0, 0])
+    return np.where(hollow, -distance, distance)
+
+
+def _filled(
+    hull: Float32[np.ndarray, "x y z"], fill: Float32[np.ndarray, "x y z"], evidence: EvidenceGrid
+) -> Float32[np.ndarray, "x y z"]:
+    """The fill within the hull, bent to meet the measured surface within `_SEAM` voxels of it."""
+    seen, empty = evidence.state == Evidence.SURFACE, evidence.state == Evidence.EMPTY
+    unknown = ~seen & ~empty
+    gap = np.where(seen, hull - fill, np.float32(0))
+    spread = gap
+    keep = np.float32(6.0 / (6.0 + 1.0 / _SEAM**2))
+    for _ in range(_SEAM_ROUNDS):
+        spread = np.where(seen, gap, np.where(unknown, keep * neighbour_mean(spread), np.float32(0)))
+    inner = np.where(unknown, np.maximum(hull, fill + spread), hull)
+    return relaxed(inner, seen, empty, rounds=2)
+
+
+def _voxels_of(points: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Int32[np.ndarray, "v 3"]:
+    """The voxel each point lies in; points beyond the grid count at its border."""
+    at = np.rint((points - grid.origin) / grid.voxel).astype(np.int32)
+    return np.clip(at, 0, np.array(grid.state.shape, np.int32) - 1)
+
+
+def _measured(vertices: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Bool[np.ndarray, "v"]:
+    """Vertices whose place was measured; each lies on an edge of the grid, between an inner and an outer voxel.
+
+    Both voxels are in the measured band; or one is, within a voxel of the surface, and rays passed the other.
+    """
+    at = (vertices - grid.origin) / grid.voxel
+    top = np.array(grid.state.shape) - 1
+    ends = [np.clip(end, 0, top) for end in (np.floor(at + 1e-3).astype(np.int64), np.ceil(at - 1e-3).astype(np.int64))]
+    seen, empty, near = (
+        [field[tuple(end.T)] for end in ends]
+        for field in (
+            grid.state == Evidence.SURFACE,
+            grid.state == Evidence.EMPTY,
+            (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel),
+        )
+    )
+    return (seen[0] & seen[1]) | (near[0] & empty[1]) | (empty[0] & near[1])

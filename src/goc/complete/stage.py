@@ -1,0 +1,159 @@
+"""Stage 4: measured, open objects in, closed ones out."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float32
+
+from goc.complete.compose import Composition, closed_object, compose_field, with_margin
+from goc.complete.config import CompleteConfig
+from goc.complete.decode import Lattice, Refinement, decode, signed_distance
+from goc.complete.lite import OscLite
+from goc.complete.osc import Osc
+from goc.complete.partial import Completer, cube_round, partial_of
+from goc.complete.weights import SHIPPED, load_network
+from goc.errors import CompleteError
+from goc.events import Listener, Progress, Warned, ignore
+from goc.geometry.surfaces import vertex_normals
+from goc.geometry.topology import watertight_flaw
+from goc.scene import Evidence, EvidenceGrid, ObjectMesh
+
+_SEAM_VOXELS = 4
+"""A model is asked this far into the measured surface, so that both can be compared where they meet."""
+_BAND = 3.0 / 128.0
+"""Greatest half width of the measured band that networks met in training, longest sides of the grid."""
+
+
+def complete_objects(
+    objects: tuple[ObjectMesh, ...], config: CompleteConfig, notify: Listener = ignore
+) -> tuple[ObjectMesh, ...]:
+    """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
+
+    Small objects come first, and what they fill is empty for the others.
+
+    Args:
+        objects: open meshes with their evidence.
+        config: what fills the unknown.
+        notify: hears one Progress an object, and a warning for each that cannot be closed.
+
+    Returns:
+        Watertight objects in the order given (checked: ARCHITECTURE, decision 5); none where the method is none.
+        Objects without an inside are left out.
+
+    Raises:
+        CompleteError: the weights are missing or of another network, or a network's answers are not finite.
+    """
+    if config.method == "none":
+        return ()
+    model = None if config.method == "hull" else network_for(config.method, config.weights)
+    closed: dict[int, ObjectMesh] = {}
+    solids: list[Composition] = []
+    for number, place in enumerate(_small_first(objects), 1):
+        found = without_neighbours(objects[place], solids)
+        fill = None
+        if model is not None:
+            fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
+        composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+        done = closed_object(found, composed)
+        flaw = watertight_flaw(done.mesh)
+        if flaw is None:
+            closed[place] = done
+            solids.append(composed)
+        else:
+            message = f"Object {found.id} ({found.label}) cannot be closed: {flaw}. It has its measured surface only."
+            notify(Warned(stage="complete", message=message))
+        notify(Progress(stage="complete", done=number, total=len(objects)))
+    return tuple(closed[place] for place in sorted(closed))
+
+
+def without_neighbours(found: ObjectMesh, solids: Sequence[Composition]) -> ObjectMesh:
+    """The object with the unknown space that other objects fill marked as empty: two things are not in one place.
+
+    Without this, a table's hull would hold what is inside the cups on it, which no ray sees either.
+    """
+    state = found.evidence.state.copy()
+    grid = found.evidence
+    for solid in solids:
+        other = solid.evidence
+        rows = [
+            np.rint((grid.origin[a] + grid.voxel * np.arange(n) - other.origin[a]) / other.voxel).astype(np.int64)
+            for a, n in enumerate(state.shape)
+        ]
+        met = [np.flatnonzero((row >= 0) & (row < other.state.shape[a])) for a, row in enumerate(rows)]
+        part = state[np.ix_(*met)]
+        filled = solid.distance[np.ix_(*(row[hit] for row, hit in zip(rows, met, strict=True)))] < 0
+        state[np.ix_(*met)] = np.where(filled & (part == Evidence.UNKNOWN), np.uint8(Evidence.EMPTY), part)
+    return replace(found, evidence=replace(grid, state=state))
+
+
+def _small_first(objects: Sequence[ObjectMesh]) -> list[int]:
+    """Places of the objects by the volume of their boxes: of what nobody saw, the smaller of two is the surer owner."""
+    spans = [np.ptp(item.mesh.vertices, axis=0) if len(item.mesh.vertices) else np.zeros(3) for item in objects]
+    return sorted(range(len(objects)), key=lambda place: (float(np.prod(spans[place])), place))
+
+
+def model_fill(
+    model: Completer, found: ObjectMesh, normals: Float32[np.ndarray, "v 3"], threshold: float, coarse_cells: int
+) -> Float32[np.ndarray, "x y z"]:
+    """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(found.evidence)`.
+
+    Args:
+        model: asked once for a field.
+        found: seen surface, as the vertices of its mesh, and evidence.
+        normals: unit, at the vertices.
+        threshold: occupancy at which the model's surface is.
+        coarse_cells: cells along the longest side in which its field is asked at first.
+    """
+    grid = with_margin(found.evidence)
+    points = found.mesh.vertices
+    cube = cube_round(points)
+    seen = narrowed(found.evidence, _BAND * max(found.evidence.state.shape) * found.evidence.voxel)
+    field = model.complete(partial_of(points, normals, seen, cube))
+    scale = 2.0 / cube.side
+    lattice = Lattice(origin=(grid.origin - cube.centre) * scale, voxel=grid.voxel * scale, shape=grid.state.shape)
+    unknown = grid.state == Evidence.UNKNOWN
+    surface = (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel)
+    logits = decode(field, lattice, Refinement(cells=coarse_cells), wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
+    return signed_distance(logits, threshold)
+
+
+def narrowed(evidence: EvidenceGrid, band: float) -> EvidenceGrid:
+    """The same evidence with a band of measured surface at most `band` wide on either side.
+
+    What falls out of it in front was passed by the rays that ended on the surface; what falls out behind is unknown.
+    """
+    wide = (evidence.state == Evidence.SURFACE) & (np.abs(evidence.sdf) > band)
+    beyond = np.where(evidence.sdf > 0, np.uint8(Evidence.EMPTY), np.uint8(Evidence.UNKNOWN))
+    return EvidenceGrid(
+        origin=evidence.origin,
+        voxel=evidence.voxel,
+        state=np.where(wide, beyond, evidence.state),
+        sdf=np.where(wide, np.float32(0), evidence.sdf),
+    )
+
+
+def network_for(method: str, weights: Path | None) -> Completer:
+    """The network that a method names, from the weights given, or from those that goc ships.
+
+    Raises:
+        CompleteError: the weights are missing, or of the other network.
+    """
+    path = weights or SHIPPED
+    network = load_network(path)
+    if not isinstance(network, OscLite if method == "lite" else Osc):
+        raise CompleteError(f"{path}: these are not weights of {method}. Choose the method that they were made for.")
+    return network
+
+
+def _near(voxels: np.ndarray, reach: int) -> np.ndarray:
+    """Voxels at most `reach` steps along each axis from a chosen one."""
+    for axis in range(3):
+        lines = np.moveaxis(voxels, axis, 0)
+        wide = lines.copy()
+        for step in range(1, min(reach, len(lines) - 1) + 1):
+            wide[step:] |= lines[:-step]
+            wide[:-step] |= lines[step:]
+        voxels = np.moveaxis(wide, 0, axis)
+    return voxels
