@@ -31,7 +31,7 @@ class LiteConfig:
     """Of the transformer's tokens, at an eighth of `cells`."""
     blocks: int = 4
     """Of the transformer."""
-    heads: int = 6
+    heads: int = 3
     """Of each attention."""
     hidden: int = 64
     """Width of the MLP that reads occupancy off the features."""

@@ -67,9 +67,7 @@ class Osc(nn.Module):
         self.from_latent = nn.Linear(config.latent, width)
         self.decoder_self = nn.ModuleList(SelfBlock(width, heads) for _ in range(config.decoder))
         self.decoder_cross = nn.ModuleList(CrossBlock(width, heads) for _ in range(config.decoder))
-        self.to_logit = nn.Sequential(
-            nn.LayerNorm(width), nn.Linear(width, width), nn.GELU(), nn.Linear(width, 1)
-        )
+        self.to_logit = nn.Sequential(nn.LayerNorm(width), nn.Linear(width, width), nn.GELU(), nn.Linear(width, 1))
 
     def encode(self, points: Float[Tensor, "b p 3"]) -> Latent:
         """E = SelfAttns(CrossAttns(FPE(FPS(P_s)), FPE(P_s))), Eq. (8), as mean and variance of each token."""

@@ -153,8 +153,8 @@ def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray,
     """
     rows = [_nearest(evidence, axis, 2 * cells) for axis in range(3)]
     place = np.ix_(*(np.maximum(row, 0) for row in rows))
-    known = np.ix_(*(row >= 0 for row in rows))
-    inside = (known[0] & known[1] & known[2]).astype(np.uint8)
+    known = [(row >= 0).astype(np.uint8) for row in rows]
+    inside = known[0][:, None, None] * known[1][:, None] * known[2]
     state = evidence.state[place]
     surface = (state == Evidence.SURFACE) * inside
     band = _BAND * 2.0 / cells
