@@ -19,7 +19,7 @@ def fourier_features(points: Float[Tensor, "*b p 3"]) -> Float[Tensor, "*b p f"]
     return torch.cat([points, angles.sin(), angles.cos()], -1)
 
 
-KeysValues = tuple[Float[Tensor, "b h s c"], Float[Tensor, "b h s c"]]
+KeysValues = tuple[Float[Tensor, "b h s k"], Float[Tensor, "b h s k"]]
 """Keys and values of s tokens, by head: all that a cross-attention needs of what it attends to."""
 
 
@@ -43,7 +43,7 @@ class Attention(nn.Module):
         mean = functional.scaled_dot_product_attention(self._by_head(self.query(queries)), *met)
         return self.out(mean.transpose(1, 2).flatten(2))
 
-    def _by_head(self, tokens: Float[Tensor, "b s d"]) -> Float[Tensor, "b h s c"]:
+    def _by_head(self, tokens: Float[Tensor, "b s d"]) -> Float[Tensor, "b h s k"]:
         return tokens.unflatten(-1, (self.heads, -1)).transpose(1, 2)
 
 

@@ -70,7 +70,7 @@ class Bottleneck(nn.Module):
 class Features:
     """Grids that fill the cube, fine to coarse; together they say what is where."""
 
-    volumes: tuple[Volume, ...]
+    volumes: tuple[Float[Tensor, "_ _ _ _ _"], ...]
 
     def at(self, points: Float[Tensor, "b q 3"]) -> Float[Tensor, "b q f"]:
         """Trilinear between cell centres, all grids side by side; beyond the outermost centres the border goes on."""

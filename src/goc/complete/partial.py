@@ -1,7 +1,7 @@
 """What completion starts from and what it gives: an object seen in part, and a field of occupancy, in one frame."""
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
@@ -84,6 +84,7 @@ def partial_of(
     return Partial(points=cube.model_from_world(points), normals=unit.astype(np.float32), evidence=moved)
 
 
+@runtime_checkable
 class OccupancyField(Protocol):
     """How sure a model is, anywhere in the cube, that a point lies inside the object."""
 
@@ -92,6 +93,7 @@ class OccupancyField(Protocol):
         ...
 
 
+@runtime_checkable
 class Completer(Protocol):
     """A completion model, whatever is inside."""
 
@@ -127,10 +129,16 @@ def batch_of(partial: Partial, points: int, cells: int) -> PartialBatch:
 
 
 def spread_rows(available: int, wanted: int) -> Int64[np.ndarray, "{wanted}"]:
-    """Rows of a shuffled list, as many as wanted: without repetition where there are enough, else in rounds."""
-    rounds = -(-wanted // max(available, 1))
+    """Rows of a shuffled list, as many as wanted: without repetition where there are enough, else in rounds.
+
+    Raises:
+        ValueError: some are wanted and none are there.
+    """
+    if wanted and not available:
+        raise ValueError("No points were seen: there is nothing to complete.")
     random = np.random.default_rng(0)
-    return np.concatenate([random.permutation(available) for _ in range(rounds)])[:wanted]
+    rounds = [random.permutation(available) for _ in range(-(-wanted // max(available, 1)))]
+    return np.concatenate([np.zeros(0, np.int64), *rounds])[:wanted]
 
 
 def cell_centres(cells: int) -> Float32[np.ndarray, "n n n 3"]:

@@ -1,5 +1,6 @@
 """Batches made beside the training: by worker processes, in the order of the steps."""
 
+import signal
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,6 +69,7 @@ def batches(recipe: Recipe, numbers: range, workers: int) -> Iterator[TrainingBa
 
 
 def _alone(worker: int) -> None:
-    """A worker uses one core: there are others."""
+    """A worker uses one core: there are others. Ctrl-C is for the trainer, which ends its workers itself."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     _native.set_thread_count(1)

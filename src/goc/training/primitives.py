@@ -5,7 +5,7 @@ what depends on x alone is computed once a column.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32
@@ -13,6 +13,7 @@ from jaxtyping import Float, Float32
 Field = Float32[np.ndarray, "..."]
 
 
+@runtime_checkable
 class Body(Protocol):
     """Something with a signed distance, centred near the origin of its own frame."""
 

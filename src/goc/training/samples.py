@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from goc.complete import PartialBatch, evidence_channels
-from goc.training.masking import Masked, MaskConfig, mask
+from goc.training.masking import MaskConfig, Masked, mask
 from goc.training.solids import Solid
 
 Random = np.random.Generator

@@ -52,7 +52,7 @@ def random_viewpoints(
     size: int,
     random: Random,
 ) -> list[Viewpoint]:
-    """Cameras that look at an object, none behind a wall or below the floor; fewer than `count` where hardly any fit."""
+    """Cameras that look at an object, none behind a wall or below the floor; fewer where hardly any fit."""
     low, high = box
     middle, reach = (low + high) / 2, float((high - low).max())
     towards = random.uniform(0, 2 * np.pi)
