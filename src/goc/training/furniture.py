@@ -5,14 +5,14 @@ from collections.abc import Callable
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from goc.training.primitives import Box, Cylinder, Lathe, Shrunk, Torus, Tube
+from goc.training.primitives import Box, Cylinder, Lathe, Number, Shrunk, Torus, Triple, Tube
 from goc.training.solids import Part
 
 Random = np.random.Generator
 Maker = Callable[[Random], list[Part]]
 
 
-def _block(sides: tuple[float, float, float], at: tuple[float, float, float], radius: float = 0.0) -> Part:
+def _block(sides: Triple, at: Triple, radius: Number = 0.0) -> Part:
     """A box that stands on z = at[2]."""
     sides = tuple(float(side) for side in sides)
     return Part(body=Box(sides, min(radius, 0.45 * min(sides))), at=(at[0], at[1], at[2] + sides[2] / 2))

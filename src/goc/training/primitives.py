@@ -11,6 +11,8 @@ import numpy as np
 from jaxtyping import Float, Float32
 
 Field = Float32[np.ndarray, "..."]
+Number = float | int
+Triple = tuple[Number, Number, Number]
 
 
 @runtime_checkable
@@ -21,7 +23,7 @@ class Body(Protocol):
         """Signed distance at coordinates in the body's frame."""
         ...
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides of a box round the origin that holds the body."""
         ...
 
@@ -30,8 +32,8 @@ class Body(Protocol):
 class Box:
     """A box with round edges."""
 
-    sides: tuple[float, float, float]
-    radius: float = 0.0
+    sides: Triple
+    radius: Number = 0.0
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Exact (Quilez)."""
@@ -39,7 +41,7 @@ class Box:
         beyond = np.sqrt(sum(np.maximum(c, 0) ** 2 for c in over))
         return beyond + np.minimum(np.maximum(np.maximum(over[0], over[1]), over[2]), 0) - np.float32(self.radius)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides."""
         return tuple(side / 2 for side in self.sides)
 
@@ -48,7 +50,7 @@ class Box:
 class Ellipsoid:
     """An ellipsoid along the axes."""
 
-    radii: tuple[float, float, float]
+    radii: Triple
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """First order near the surface, where it matters; the sign is exact."""
@@ -57,7 +59,7 @@ class Ellipsoid:
         slope = np.sqrt(sum((c / np.float32(r)) ** 2 for c, r in zip(scaled, self.radii, strict=True)))
         return np.where(near < 1e-3, np.float32(-min(self.radii)), near * (near - 1) / np.maximum(slope, 1e-6))
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """The radii."""
         return self.radii
 
@@ -66,10 +68,10 @@ class Ellipsoid:
 class Cylinder:
     """A cylinder along z with round rims."""
 
-    width: float
+    width: Number
     """Radius."""
-    height: float
-    radius: float = 0.0
+    height: Number
+    radius: Number = 0.0
     """Of the rims."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
@@ -79,7 +81,7 @@ class Cylinder:
         beyond = np.sqrt(np.maximum(side, 0) ** 2 + np.maximum(end, 0) ** 2)
         return beyond + np.minimum(np.maximum(side, end), 0) - np.float32(self.radius)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides."""
         return self.width, self.width, self.height / 2
 
@@ -88,14 +90,14 @@ class Cylinder:
 class Torus:
     """A ring round z."""
 
-    ring: float
-    tube: float
+    ring: Number
+    tube: Number
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Exact."""
         return np.sqrt((np.sqrt(x**2 + y**2) - np.float32(self.ring)) ** 2 + z**2) - np.float32(self.tube)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides."""
         return self.ring + self.tube, self.ring + self.tube, self.tube
 
@@ -105,8 +107,8 @@ class Prism:
     """A simple polygon in x and y, drawn along z."""
 
     outline: Float[np.ndarray, "k 2"]
-    height: float
-    radius: float = 0.0
+    height: Number
+    radius: Number = 0.0
     """By which it is grown, all edges round."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
@@ -116,7 +118,7 @@ class Prism:
         beyond = np.sqrt(np.maximum(side, 0) ** 2 + np.maximum(end, 0) ** 2)
         return beyond + np.minimum(np.maximum(side, end), 0) - np.float32(self.radius)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides of a box round the origin."""
         reach = np.abs(self.outline).max(0) + self.radius
         return float(reach[0]), float(reach[1]), self.height / 2
@@ -132,7 +134,7 @@ class Lathe:
         """Exact outside; inside too, but for edges on the axis, which count as surface."""
         return polygon_distance(self._mirrored(), np.sqrt(x**2 + y**2), z)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides of a box round the origin."""
         reach = float(self.profile[:, 0].max())
         return reach, reach, float(np.abs(self.profile[:, 1]).max())
@@ -148,13 +150,13 @@ class Shrunk:
     """Another body, its surface moved inwards: cut from the body itself, it leaves a wall of even thickness."""
 
     body: Body
-    by: float
+    by: Number
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """As exact as the body's own."""
         return self.body.distance(x, y, z) + np.float32(self.by)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides of a box round the origin."""
         return self.body.half()
 
@@ -164,7 +166,7 @@ class Tube:
     """A round bar along a line of points, with round ends."""
 
     line: Float[np.ndarray, "k 3"]
-    width: float
+    width: Number
     """Radius."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
@@ -179,7 +181,7 @@ class Tube:
             nearest = squared if nearest is None else np.minimum(nearest, squared)
         return np.sqrt(nearest) - np.float32(self.width)
 
-    def half(self) -> tuple[float, float, float]:
+    def half(self) -> Triple:
         """Half sides of a box round the origin."""
         return tuple(float(v) for v in np.abs(self.line).max(0) + self.width)
 

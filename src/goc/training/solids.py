@@ -14,7 +14,7 @@ from goc.evaluation.metrics import SurfaceSamples, sample_surface
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Mesh
-from goc.training.primitives import Body
+from goc.training.primitives import Body, Number, Triple
 
 BAND = 4.0
 """Distance, in voxels, at which a solid's signed distance is cut off."""
@@ -60,20 +60,21 @@ class Part:
     """A body put somewhere, and what it does to what is there already."""
 
     body: Body
-    at: tuple[float, float, float]
+    at: Triple
     """Where the body's origin goes."""
     turn: Float[np.ndarray, "3 3"] | None = None
     """Rotation shape_from_body; None: aligned."""
     does: Literal["add", "cut", "keep"] = "add"
     """Union, difference, or intersection."""
-    blend: float = 0.0
+    blend: Number = 0.0
     """Radius of the fillet where an added body meets the rest."""
 
     def box(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
         """Corners of an aligned box that holds the part."""
-        half = np.array(self.body.half())
+        half = np.array(self.body.half(), np.float64)
         reach = half if self.turn is None else np.abs(self.turn) @ half
-        return np.array(self.at) - reach, np.array(self.at) + reach
+        at = np.array(self.at, np.float64)
+        return at - reach, at + reach
 
 
 def paint(parts: Sequence[Part], cells: int) -> Solid | None:

@@ -25,7 +25,7 @@ class Surroundings:
     def allows(self, position: Float64[np.ndarray, "3"]) -> bool:
         """Whether a camera can be there."""
         free = self.walls[:, :3] @ position > self.walls[:, 3] + 0.05
-        return bool(free.all()) and position[2] > self.lowest
+        return bool(free.all() and position[2] > self.lowest)
 
 
 def nothing_round() -> Surroundings:
