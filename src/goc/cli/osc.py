@@ -26,7 +26,7 @@ Object Surface Completion: the network that fills what no camera saw.
   goc osc eval DATA                score weights on the prepared shapes of split val
 
 `goc osc train OUT` again goes on with a training that was stopped. On several GPUs:
-  torchrun --nproc-per-node 4 -m goc osc train OUT --data DATA
+  torchrun --nproc-per-node 4 -m goc.cli osc train OUT --data DATA
 """
 
 

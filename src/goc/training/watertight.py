@@ -22,7 +22,6 @@ _CROSSINGS = 64
 _SHEET = 0.6
 """Half the thickness that single sheets and thinner walls are given, voxels: less would fall through the grid."""
 
-
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
     """Points of a grid round a mesh in the frame of a Solid."""
@@ -94,7 +93,8 @@ def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
     else:
         inside = _inside_by_views(scene, mesh, grid)
     distance = _signed(mesh, tree, face, grid, inside)
-    distance = np.minimum(distance, _sheets(mesh, samples, face, grid, inside))
+    thin = _is_thin(scene, mesh, samples, face, grid, inside)
+    distance = np.minimum(distance, _thickened(mesh, samples[thin], face[thin], grid))
     if (distance < 0).sum() < 64:
         raise ValueError("nothing is inside: no closed shape")
     return Solid(distance=distance, origin=grid.origin, voxel=voxel), "closed" if closed else "carved"
@@ -165,28 +165,49 @@ def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
     )
 
 
-def _sheets(
+def _is_thin(
+    scene: TriangleScene,
     mesh: Mesh,
     samples: Float64[np.ndarray, "p 3"],
     face: Int[np.ndarray, "p"],
     grid: Grid,
     inside: Bool[np.ndarray, "x y z"],
-) -> Float32[np.ndarray, "x y z"]:
-    """Distance to the surface of sheets, which have air a voxel away on both sides, given their thickness."""
+) -> Bool[np.ndarray, "p"]:
+    """Samples of sheets, with air on both sides, and of walls whose other side is nearer than the grid can hold."""
     corners = mesh.vertices[mesh.faces].astype(np.float64)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[face]
     normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
-    open_sides = np.ones(len(samples), bool)
+    sheet, wall = np.ones(len(samples), bool), np.zeros(len(samples), bool)
+    step = 1e-4 * grid.voxel
     for way in (-1.0, 1.0):
-        beside = samples + way * grid.voxel * normals[face]
-        index = np.clip(np.rint((beside - grid.origin) / grid.voxel).astype(int), 0, np.array(grid.shape) - 1)
-        open_sides &= ~inside[tuple(index.T)]
-    far = np.full(grid.shape, np.float32(BAND * grid.voxel))
-    if not open_sides.any():
-        return far
-    chosen = face[open_sides]
-    distance = _unsigned(mesh, cKDTree(samples[open_sides]), chosen, grid)
-    return np.minimum(distance - np.float32(_SHEET * grid.voxel), far)
+        side = way * normals
+        within = _any_corner(inside, (samples + 1.5 * grid.voxel * side - grid.origin) / grid.voxel)
+        sheet &= ~within
+        safe = np.where(np.abs(side).max(-1, keepdims=True) > 0, side, [[0.0, 0.0, 1.0]])
+        across = scene.closest_hit(samples + step * safe, safe).t
+        middle = samples + 0.5 * np.minimum(across, 1e3)[:, None] * side
+        wall |= (across < 2 * _SHEET * grid.voxel) & _any_corner(inside, (middle - grid.origin) / grid.voxel)
+    return sheet | wall
+
+
+def _any_corner(inside: Bool[np.ndarray, "x y z"], at: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
+    """Whether any of the eight grid points round each place is inside."""
+    low = np.clip(np.floor(at), 0, np.array(inside.shape) - 2).astype(int)
+    found = np.zeros(len(at), bool)
+    for corner in np.ndindex(2, 2, 2):
+        found |= inside[tuple((low + corner).T)]
+    return found
+
+
+def _thickened(
+    mesh: Mesh, samples: Float64[np.ndarray, "p 3"], face: Int[np.ndarray, "p"], grid: Grid
+) -> Float32[np.ndarray, "x y z"]:
+    """Distance to the surface of thin things, given their least thickness; the cut-off value where there are none."""
+    limit = np.float32(BAND * grid.voxel)
+    if len(samples) == 0:
+        return np.full(grid.shape, limit)
+    distance = _unsigned(mesh, cKDTree(samples), face, grid)
+    return np.where(distance < limit, distance - np.float32(_SHEET * grid.voxel), limit)
 
 
 def _signed(
