@@ -17,8 +17,7 @@ from jaxtyping import Int8
 from goc import _native
 from goc.errors import GocError, TrainError
 from goc.events import Listener, Progress, ignore
-from goc.files import is_file, read_json, write_json, write_tensors
-from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh
+from goc.files import MESH_SUFFIXES, is_file, read_any_mesh, read_json, write_json, write_tensors
 from goc.training.library import MANIFEST, STEPS, Dropped, Kept, Manifest
 from goc.training.watertight import solid_of
 

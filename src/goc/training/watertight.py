@@ -3,24 +3,24 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float, Float32, Float64, Int, Int32
-from scipy.spatial import cKDTree
+from jaxtyping import Bool, Float32, Float64, Int32
 
+from goc.evaluation.metrics import SurfaceSamples, sample_surface
 from goc.extract.depth import DepthView
 from goc.extract.volume import BLOCK, Lattice, Volume
 from goc.geometry.raycast import TriangleScene
+from goc.geometry.topology import is_closed, signed_volume
 from goc.scene import Mesh
 from goc.training.solids import BAND, Solid
 from goc.training.surroundings import nothing_round
 from goc.training.viewpoints import Viewpoint, random_viewpoints
 
-_SAMPLES = 80_000
-_CANDIDATES = 4
-"""Triangles that the distance of a grid point is taken to: those of its nearest samples."""
-_CROSSINGS = 64
-"""Most crossings followed along a column: a mesh with more is not a thing."""
-_SHEET = 0.6
+_VIEWS, _VIEW_PX = 60, 200
+_SAMPLES = 60_000
+"""Places where the thickness of a mesh is looked at."""
+_HALF_SHEET = 0.6
 """Half the thickness that single sheets and thinner walls are given, voxels: less would fall through the grid."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
@@ -30,13 +30,9 @@ class Grid:
     voxel: float
     shape: tuple[int, int, int]
 
-    def lines(self) -> list[Float64[np.ndarray, "_"]]:
-        """Coordinates along each axis."""
-        return [self.origin[axis] + self.voxel * np.arange(self.shape[axis]) for axis in range(3)]
-
-    def points(self, chosen: Bool[np.ndarray, "x y z"]) -> Float64[np.ndarray, "p 3"]:
-        """Positions of the chosen points."""
-        return self.origin + self.voxel * np.argwhere(chosen)
+    def points(self) -> Float64[np.ndarray, "p 3"]:
+        """All positions, the last axis fastest."""
+        return self.origin + self.voxel * np.stack(np.unravel_index(np.arange(np.prod(self.shape)), self.shape), -1)
 
 
 def standing(mesh: Mesh) -> Mesh:
@@ -53,86 +49,49 @@ def standing(mesh: Mesh) -> Mesh:
     return Mesh(vertices=((mesh.vertices - foot) / longest).astype(np.float32), faces=mesh.faces)
 
 
-def is_closed(faces: Int32[np.ndarray, "t 3"]) -> bool:
-    """Every edge is on exactly two faces, which pass it in opposite directions (docs/decisions: watertight)."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).astype(np.int64)
-    span = int(faces.max()) + 1
-    forth, back = ends[:, 0] * span + ends[:, 1], ends[:, 1] * span + ends[:, 0]
-    forth.sort()
-    back.sort()
-    return bool((np.diff(forth) > 0).all() and (forth == back).all())
-
-
-def volume_of(mesh: Mesh) -> float:
-    """Signed volume of a closed mesh."""
-    a, b, c = (mesh.vertices[mesh.faces[:, corner]].astype(np.float64) for corner in range(3))
-    return float((a * np.cross(b, c)).sum() / 6)
-
-
 def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
     """Signed distance of a welded mesh, and how its sign was found: "closed" or "carved".
 
-    closed: winding numbers along three axes, two of three agree; overlapping closed pieces unite. carved: inside is
-    what none of 60 virtual views sees through. Sheets, and walls thinner than a voxel, get a thickness of 1.2 voxels.
+    closed: where the surface winds round, so that overlapping closed pieces unite. carved: inside is what none of 60
+    virtual views sees through. Sheets, and walls thinner than a voxel, get a thickness of 1.2 voxels.
+
+    Args:
+        mesh: any unit and place, z up.
+        cells: voxels along its longest side.
 
     Raises:
-        ValueError: nothing is inside, or the mesh has no extent.
+        ValueError: nothing is inside, or the mesh has no extent or no area.
     """
     mesh = standing(mesh)
     voxel = 1.0 / cells
     rim = BAND + 1
-    low, high = mesh.vertices.min(0) - rim * voxel, mesh.vertices.max(0) + rim * voxel
-    shape = np.ceil((high - low) / voxel).astype(int) + 1
-    grid = Grid(origin=low.astype(np.float64), voxel=voxel, shape=tuple(int(n) for n in shape))
+    low, high = mesh.vertices.min(0).astype(np.float64) - rim * voxel, mesh.vertices.max(0) + rim * voxel
+    shape = tuple(int(n) for n in np.ceil((high - low) / voxel) + 1)
+    grid = Grid(origin=low, voxel=voxel, shape=shape)
     scene = TriangleScene(mesh.vertices, mesh.faces)
-    closed = is_closed(mesh.faces) and abs(volume_of(mesh)) > 1e-6
-    samples, face = _dense_samples(mesh)
-    tree = cKDTree(samples)
+    closed = is_closed(mesh) and abs(signed_volume(mesh)) > 1e-6
+    points = grid.points()
     if closed:
-        inside = inside_by_winding(scene, grid)
+        inside = (scene.winding(points) != 0).reshape(shape)
     else:
         inside = _inside_by_views(scene, mesh, grid)
-    distance = _signed(mesh, tree, face, grid, inside)
-    thin = _is_thin(scene, mesh, samples, face, grid, inside)
-    distance = np.minimum(distance, _thickened(mesh, samples[thin], face[thin], grid))
+    distance = _distance(scene, points, grid)
+    distance = np.where(inside, -distance, distance)
+    thin = _thin_faces(scene, sample_surface(mesh, _SAMPLES), inside, grid, closed)
+    if len(thin):
+        thickened = _distance(TriangleScene(mesh.vertices, mesh.faces[thin]), points, grid)
+        reached = thickened < np.float32(BAND * voxel)
+        distance = np.where(reached, np.minimum(distance, thickened - np.float32(_HALF_SHEET * voxel)), distance)
     if (distance < 0).sum() < 64:
         raise ValueError("nothing is inside: no closed shape")
     return Solid(distance=distance, origin=grid.origin, voxel=voxel), "closed" if closed else "carved"
 
 
-def inside_by_winding(scene: TriangleScene, grid: Grid) -> Bool[np.ndarray, "x y z"]:
-    """Grid points with a winding number other than 0, by the crossings along each axis; two of three axes decide."""
-    votes = np.zeros(grid.shape, np.int8)
-    corners = scene.vertices[scene.faces].astype(np.float64)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    for axis in range(3):
-        votes += _winding(scene, normals[:, axis], grid, axis) != 0
-    return votes >= 2
-
-
-def _winding(scene: TriangleScene, facing: Float[np.ndarray, "t"], grid: Grid, axis: int) -> Int[np.ndarray, "x y z"]:
-    """Winding number of each grid point, from the faces crossed on the way to it along one axis."""
-    lines = grid.lines()
-    others = [other for other in range(3) if other != axis]
-    starts = np.zeros((grid.shape[others[0]], grid.shape[others[1]], 3))
-    starts[..., others[0]] = lines[others[0]][:, None]
-    starts[..., others[1]] = lines[others[1]]
-    starts = starts.reshape(-1, 3)
-    starts[:, axis] = lines[axis][0] - grid.voxel
-    direction = np.eye(3)[axis]
-    changes = np.zeros((len(starts), grid.shape[axis] + 1), np.int32)
-    rows = np.arange(len(starts))
-    for _ in range(_CROSSINGS):
-        hits = scene.closest_hit(starts[rows], np.broadcast_to(direction, (len(rows), 3)))
-        rows, t, triangle = rows[hits.found], hits.t[hits.found], hits.triangle[hits.found]
-        if len(rows) == 0:
-            break
-        at = starts[rows, axis] + t
-        place = np.clip(np.ceil((at - lines[axis][0]) / grid.voxel), 0, grid.shape[axis]).astype(int)
-        np.add.at(changes, (rows, place), -np.sign(facing[triangle]).astype(np.int32))
-        starts[rows, axis] = at + 1e-6
-    winding = changes[:, :-1].cumsum(1).reshape(grid.shape[others[0]], grid.shape[others[1]], grid.shape[axis])
-    return np.moveaxis(winding, -1, axis)
+def _distance(scene: TriangleScene, points: Float64[np.ndarray, "p 3"], grid: Grid) -> Float32[np.ndarray, "x y z"]:
+    """Distance to the surface, cut off at the band."""
+    limit = BAND * grid.voxel
+    found, _ = scene.nearest(points, limit)
+    return np.minimum(found, limit).astype(np.float32).reshape(grid.shape)
 
 
 def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.ndarray, "x y z"]:
@@ -143,7 +102,7 @@ def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.nd
     table = np.stack(np.meshgrid(*(np.arange(n) for n in blocks), indexing="ij"), -1).reshape(-1, 3)
     lattice = Lattice(origin=grid.origin, voxel=grid.voxel, truncation=0.5 * grid.voxel, blocks=table.astype(np.int32))
     volume = Volume(lattice)
-    for viewpoint in random_viewpoints(box, nothing_round(), "round", 60, 200, random):
+    for viewpoint in random_viewpoints(box, nothing_round(), "round", _VIEWS, _VIEW_PX, random):
         volume.add(_depth_of(scene, viewpoint), wanted=None)
     before = (volume.weight > 0) & (volume.distance() > 0)  # in the band, on the near side
     passed = ((volume.empty > 0) | before).reshape(*blocks, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
@@ -165,29 +124,23 @@ def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
     )
 
 
-def _is_thin(
-    scene: TriangleScene,
-    mesh: Mesh,
-    samples: Float64[np.ndarray, "p 3"],
-    face: Int[np.ndarray, "p"],
-    grid: Grid,
-    inside: Bool[np.ndarray, "x y z"],
-) -> Bool[np.ndarray, "p"]:
-    """Samples of sheets, with air on both sides, and of walls whose other side is nearer than the grid can hold."""
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[face]
-    normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)
+def _thin_faces(
+    scene: TriangleScene, samples: SurfaceSamples, inside: Bool[np.ndarray, "x y z"], grid: Grid, closed: bool
+) -> Int32[np.ndarray, "_"]:
+    """Faces of sheets, with air on both sides, and of walls whose other side is nearer than the grid can hold."""
     sheet, wall = np.ones(len(samples), bool), np.zeros(len(samples), bool)
-    step = 1e-4 * grid.voxel
     for way in (-1.0, 1.0):
-        side = way * normals
-        within = _any_corner(inside, (samples + 1.5 * grid.voxel * side - grid.origin) / grid.voxel)
-        sheet &= ~within
-        safe = np.where(np.abs(side).max(-1, keepdims=True) > 0, side, [[0.0, 0.0, 1.0]])
-        across = scene.closest_hit(samples + step * safe, safe).t
-        middle = samples + 0.5 * np.minimum(across, 1e3)[:, None] * side
-        wall |= (across < 2 * _SHEET * grid.voxel) & _any_corner(inside, (middle - grid.origin) / grid.voxel)
-    return sheet | wall
+        side = way * samples.normals
+        beside = samples.points + 1.5 * grid.voxel * side
+        sheet &= ~_any_corner(inside, (beside - grid.origin) / grid.voxel)
+        across = scene.closest_hit(samples.points + 1e-4 * grid.voxel * side, side).t
+        middle = samples.points + 0.5 * np.minimum(across, grid.voxel)[:, None] * side
+        near = across < 2 * _HALF_SHEET * grid.voxel
+        if closed:  # else a narrow gap of air counts too: nobody could tell
+            near[near] = scene.winding(middle[near]) != 0
+        wall |= near
+    _, face = scene.nearest(samples.points[sheet | wall], grid.voxel)
+    return np.unique(face[face >= 0])
 
 
 def _any_corner(inside: Bool[np.ndarray, "x y z"], at: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
@@ -197,84 +150,3 @@ def _any_corner(inside: Bool[np.ndarray, "x y z"], at: Float64[np.ndarray, "p 3"
     for corner in np.ndindex(2, 2, 2):
         found |= inside[tuple((low + corner).T)]
     return found
-
-
-def _thickened(
-    mesh: Mesh, samples: Float64[np.ndarray, "p 3"], face: Int[np.ndarray, "p"], grid: Grid
-) -> Float32[np.ndarray, "x y z"]:
-    """Distance to the surface of thin things, given their least thickness; the cut-off value where there are none."""
-    limit = np.float32(BAND * grid.voxel)
-    if len(samples) == 0:
-        return np.full(grid.shape, limit)
-    distance = _unsigned(mesh, cKDTree(samples), face, grid)
-    return np.where(distance < limit, distance - np.float32(_SHEET * grid.voxel), limit)
-
-
-def _signed(
-    mesh: Mesh, tree: cKDTree, face: Int[np.ndarray, "p"], grid: Grid, inside: Bool[np.ndarray, "x y z"]
-) -> Float32[np.ndarray, "x y z"]:
-    distance = _unsigned(mesh, tree, face, grid)
-    return np.where(inside, -distance, distance)
-
-
-def _unsigned(mesh: Mesh, tree: cKDTree, face: Int[np.ndarray, "p"], grid: Grid) -> Float32[np.ndarray, "x y z"]:
-    """Distance to the mesh, cut off at the band: exact to the triangles of the nearest samples."""
-    limit = BAND * grid.voxel
-    field = np.full(grid.shape, np.float32(limit))
-    near = np.zeros(grid.shape, bool)
-    index = np.rint((tree.data - grid.origin) / grid.voxel).astype(int)
-    reach = int(BAND) + 1
-    near[tuple(np.clip(index, 0, np.array(grid.shape) - 1).T)] = True
-    for axis in range(3):  # a box filter of the occupied cells, axis by axis
-        grown = near.copy()
-        for step in range(1, reach + 1):
-            ahead, behind = [slice(None)] * 3, [slice(None)] * 3
-            ahead[axis], behind[axis] = slice(step, None), slice(None, -step)
-            grown[tuple(ahead)] |= near[tuple(behind)]
-            grown[tuple(behind)] |= near[tuple(ahead)]
-        near = grown
-    points = grid.points(near)
-    best = np.full(len(points), limit)
-    for start in range(0, len(points), 65_536):
-        part = slice(start, start + 65_536)
-        _, rows = tree.query(points[part], k=_CANDIDATES)
-        for column in range(_CANDIDATES):
-            rows_here = np.minimum(rows[:, column], len(face) - 1)
-            corners = mesh.vertices[mesh.faces[face[rows_here]]].astype(np.float64)
-            best[part] = np.minimum(best[part], point_triangle_distance(points[part], corners))
-    field[near] = best
-    return field
-
-
-def point_triangle_distance(
-    points: Float64[np.ndarray, "p 3"], corners: Float64[np.ndarray, "p 3 3"]
-) -> Float64[np.ndarray, "p"]:
-    """Distance of each point to its triangle: to the plane where the foot is inside, else to the nearest edge."""
-    a = corners[:, 0]
-    u, v, w = corners[:, 1] - a, corners[:, 2] - a, points - a
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
-    area = np.maximum(uu * vv - uv * uv, 1e-30)
-    s, t = (vv * wu - uv * wv) / area, (uu * wv - uv * wu) / area
-    foot = a + s[:, None] * u + t[:, None] * v
-    over = (s >= 0) & (t >= 0) & (s + t <= 1) & (area > 1e-30)
-    nearest = np.where(over, np.linalg.norm(points - foot, axis=-1), np.inf)
-    for i, j in ((0, 1), (1, 2), (2, 0)):
-        along, rest = corners[:, j] - corners[:, i], points - corners[:, i]
-        share = np.clip((rest * along).sum(-1) / np.maximum((along * along).sum(-1), 1e-30), 0, 1)
-        nearest = np.minimum(nearest, np.linalg.norm(rest - share[:, None] * along, axis=-1))
-    return nearest
-
-
-def _dense_samples(mesh: Mesh) -> tuple[Float64[np.ndarray, "p 3"], Int[np.ndarray, "p"]]:
-    """Area-uniform samples of a mesh and the face of each; every face has its middle at least."""
-    corners = mesh.vertices[mesh.faces].astype(np.float64)
-    areas = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-    if not areas.sum() > 0:
-        raise ValueError("the mesh has no area")
-    random = np.random.default_rng(0)
-    face = np.concatenate([random.choice(len(corners), _SAMPLES, p=areas / areas.sum()), np.arange(len(corners))])
-    root, share = np.sqrt(random.random((len(face), 1))), random.random((len(face), 1))
-    root[_SAMPLES:], share[_SAMPLES:] = 2 / 3, 0.5
-    a, b, c = corners[face].transpose(1, 0, 2)
-    return (1 - root) * a + root * (1 - share) * b + root * share * c, face
