@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from goc import __version__
 from goc.cli.failures import guarded
 
-_COMMANDS = ("carve", "complete", "demo", "eval", "synth", "bench", "doctor")
+_COMMANDS = ("carve", "complete", "demo", "eval", "synth", "bench", "osc", "doctor")
 _USAGE = """\
 usage: goc [--help] [--version] COMMAND ...
 
@@ -25,6 +25,7 @@ commands:
   synth room|sensor         make a room with complete ground truth, or give a capture a sensor's faults
   eval RUN --truth CAPTURE  score a run against complete ground truth, by protocols of fixed numbers
   bench                     measure the paper's tables again, and write them as Markdown
+  osc                       prepare data for, train and score the network that completes objects
   doctor                    say what this machine can do, and how to mend what it cannot
 
 options:

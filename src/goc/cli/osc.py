@@ -1,0 +1,113 @@
+"""`goc osc`: prepare shapes for Object Surface Completion, train its networks, score them."""
+
+import shlex
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from goc.cli.failures import STOPPED, say
+from goc.cli.progress import shown_progress
+from goc.errors import ConfigError
+from goc.training.config import TrainConfig
+from goc.training.evaluate import EvalConfig
+from goc.training.prepare import PrepareConfig
+
+_USAGE = """\
+usage: goc osc prepare|train|eval ...
+
+Object Surface Completion: the network that fills what no camera saw.
+
+  goc osc prepare MESHES OUT       closed shapes from meshes of any kind, in files that stream
+  goc osc train OUT                train on procedural shapes, and on prepared ones with --data
+  goc osc eval DATA                score weights on the prepared shapes of split val
+
+`goc osc train OUT` again goes on with a training that was stopped. On several GPUs:
+  torchrun --nproc-per-node 4 -m goc.cli osc train OUT --data DATA
+"""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prepare:
+    """Turn meshes (.glb, .obj, .ply) into signed distances; goes on where it was stopped."""
+
+    meshes: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESHES")]
+    """Folder of meshes; an objects.csv in it (file, name, split) names them and their split."""
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder for shards and manifest.json."""
+    config: Annotated[PrepareConfig, tyro.conf.arg(name="")] = PrepareConfig()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Train:
+    """Train a completion network; goes on where it was stopped."""
+
+    out: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="OUT")]
+    """Folder for state, weights, curves and pictures."""
+    config: Annotated[TrainConfig, tyro.conf.arg(name="")] = TrainConfig()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Evaluate:
+    """Score weights on prepared shapes of split val, beside what needs no training."""
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """Folder of `goc osc prepare`."""
+    weights: Path | None = None
+    """Weights of `goc osc train`; none: those that goc comes with."""
+    baselines: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    """Score what needs no training alone."""
+    config: Annotated[EvalConfig, tyro.conf.arg(name="")] = EvalConfig()
+
+
+def main(words: Sequence[str]) -> int:
+    """Run `goc osc` with the words that follow it."""
+    match list(words):
+        case ["prepare", *rest]:
+            return _prepare(tyro.cli(Prepare, prog="goc osc prepare", args=rest))
+        case ["train", *rest]:
+            return _train(tyro.cli(Train, prog="goc osc train", args=rest), words)
+        case ["eval", *rest]:
+            return _evaluate(tyro.cli(Evaluate, prog="goc osc eval", args=rest))
+        case [] | ["-h" | "--help", *_]:
+            sys.stdout.write(_USAGE)
+            return 0
+    raise ConfigError(f"goc osc has no command {words[0]!r}: prepare, train or eval.")
+
+
+def _prepare(given: Prepare) -> int:
+    from goc.training.prepare import prepare
+
+    with shown_progress() as notify:
+        manifest = prepare(given.meshes, given.out, given.config, notify)
+    sys.stdout.write(f"{len(manifest.kept)} shapes in {given.out}, {len(manifest.dropped)} meshes dropped.\n")
+    for mesh in manifest.dropped[:5]:
+        sys.stdout.write(f"  dropped {mesh.name}: {mesh.why}\n")
+    return 0
+
+
+def _train(given: Train, words: Sequence[str]) -> int:
+    from goc.training.train import train
+
+    try:
+        with shown_progress() as notify:
+            weights = train(given.out, given.config, notify)
+    except KeyboardInterrupt:
+        say(f"stopped; the training is on disk. Go on with: {shlex.join(['goc', 'osc', *words])}")
+        return STOPPED
+    sys.stdout.write(f"Weights: {weights}. Score them: goc osc eval DATA --weights {weights}\n")
+    return 0
+
+
+def _evaluate(given: Evaluate) -> int:
+    from goc.complete import SHIPPED, load_network
+    from goc.training.evaluate import evaluate, table
+
+    network = None if given.baselines else load_network(given.weights or SHIPPED)
+    with shown_progress() as notify:
+        rows = evaluate(given.data, network, given.config, notify)
+    sys.stdout.write(table(rows))
+    return 0

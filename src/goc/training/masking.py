@@ -1,0 +1,248 @@
+"""What cameras leave of an object: the paper's visible mask, with the evidence that the same cameras give.
+
+Depth is ray-cast, spoilt as splats and sensors spoil it, and fused by the code that fuses real captures.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int16
+
+from goc.complete import Cube, Partial, cube_round, partial_of
+from goc.extract import ExtractConfig
+from goc.extract.depth import DepthView
+from goc.extract.evidence import evidence_grid, evidence_lattice
+from goc.extract.volume import Volume
+from goc.scene import Evidence, EvidenceGrid
+from goc.synth.noise import fractal_noise
+from goc.training.placing import Placed, random_placing
+from goc.training.solids import Solid
+from goc.training.surroundings import Surroundings, nothing_round, random_surroundings
+from goc.training.viewpoints import Regime, Viewpoint, random_viewpoints
+
+Random = np.random.Generator
+_OBJECT, _OTHER = 1, 2
+_GRAZING = 0.12
+"""Cosine below which a pixel is not trusted, as fusion of real depth does not."""
+_BAND = 3.0 / 128.0
+"""Truncation of the evidence of real objects, in longest sides: three voxels of 128."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MaskConfig:
+    """How an object is seen in training. Lengths are in longest sides of the object."""
+
+    strategy: Literal["visible", "random", "none"] = "visible"
+    """visible: what cameras see (the paper's choice). random: half of the points. none: the whole surface. Table 6."""
+    size_px: int = 72
+    """Side of the virtual depth images."""
+    arc: float = 0.5
+    """Share of objects seen in 1 to 6 views on an arc."""
+    room: float = 0.4
+    """Share seen in 10 to 24 views as a room is scanned; what is left is seen from all round, alone."""
+    noise: float = 1.0
+    """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
+    without_space: float = 0.1
+    """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
+    points: int = 0
+    """Points of the seen surface to keep; 0 where the network takes evidence alone."""
+    jitter: float = 0.04
+    """How far the cube is moved and stretched against the rule, in its sides."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class View:
+    """One depth image, taken."""
+
+    at: Viewpoint
+    depth: Float32[np.ndarray, "h w"]
+    slope: Float32[np.ndarray, "h w"]
+    ids: Int16[np.ndarray, "h w"]
+
+    def for_fusion(self) -> DepthView:
+        """As fusion takes it."""
+        return DepthView(
+            depth=self.depth,
+            slope=self.slope,
+            ids=self.ids,
+            colours=np.zeros((*self.depth.shape, 3), np.uint8),
+            pinhole=self.at.pinhole(),
+            world_from_cam=self.at.world_from_cam[:3],
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Masked:
+    """An object, what is known of it, and the cube that both are in."""
+
+    placed: Placed
+    cube: Cube
+    partial: Partial
+    views: int
+    regime: str
+
+
+def mask(solid: Solid, config: MaskConfig, random: Random) -> Masked | None:
+    """Put a solid somewhere, look at it, and keep what was seen; None where next to nothing was."""
+    placed, yaw = random_placing(solid, random)
+    regime, count = _regime(config, random)
+    if config.strategy != "visible":
+        regime, count = "round", 20
+    around = nothing_round() if regime == "round" else random_surroundings(placed, yaw, random)
+    viewpoints = random_viewpoints(placed.box(), around, regime, count, config.size_px, random)
+    taken = [take(placed, around, viewpoint) for viewpoint in viewpoints]
+    seen = _hit_points(taken, placed)
+    if len(seen) < 60:
+        return None
+    cube = _jittered(cube_round(seen), config.jitter, random)
+    spoilt = spoil(taken, placed, config.noise, random)
+    evidence = _evidence(spoilt, seen, float(random.uniform(0.02, 0.2)), int(random.integers(86, 104)))
+    if random.random() < config.without_space:
+        evidence = _without_space(evidence)
+    points, normals = _seen_surface(placed, taken, config, random)
+    partial = partial_of(points, normals, evidence, cube)
+    return Masked(placed=placed, cube=cube, partial=partial, views=len(taken), regime=regime)
+
+
+def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
+    draw = random.random()
+    if draw < config.arc:
+        return "arc", int(random.integers(1, 7))
+    if draw < config.arc + config.room:
+        return "room", int(random.integers(10, 25))
+    return "round", int(random.integers(12, 21))
+
+
+def take(placed: Placed, around: Surroundings, at: Viewpoint) -> View:
+    """An exact depth image with ids; NaN where a ray meets nothing."""
+    origins, directions = at.rays()
+    hits, normals = placed.closest_hit(origins, directions)
+    length = np.linalg.norm(directions, axis=-1)
+    slope = np.abs((normals * directions).sum(-1)) / length
+    depth, ids = hits.t.copy(), np.where(hits.found, _OBJECT, _OTHER)
+    if around.scene is not None:
+        other = around.scene.closest_hit(origins, directions)
+        nearer = other.t < depth
+        depth, ids, slope = np.where(nearer, other.t, depth), np.where(nearer, _OTHER, ids), np.where(nearer, 1, slope)
+    depth[~np.isfinite(depth)] = np.nan
+    shape = (at.size, at.size)
+    slope = np.where(slope < _GRAZING, np.nan, slope)
+    return View(
+        at=at,
+        depth=depth.astype(np.float32).reshape(shape),
+        slope=slope.astype(np.float32).reshape(shape),
+        ids=ids.astype(np.int16).reshape(shape),
+    )
+
+
+def spoil(views: list[View], placed: Placed, strength: float, random: Random) -> list[View]:
+    """Depth as splats and sensors give it.
+
+    A bias that is the same for all views, since splats lie somewhere; a small one a view; noise a pixel; flying pixels
+    and wrong ids at silhouettes; holes.
+    """
+    if strength <= 0 or random.random() < 0.15:
+        return views
+    low, high = placed.box()
+    reach = float((high - low).max())
+    common = strength * reach * random.choice([0.0, random.uniform(0, 0.006), random.uniform(0, 0.015)])
+    own = strength * reach * random.uniform(0, 0.003)
+    grain = strength * reach * random.choice([random.uniform(0, 0.002), random.uniform(0, 0.005)])
+    flying, holes = strength * random.uniform(0, 0.4), strength * random.choice([0.0, random.uniform(0, 0.1)])
+    waves, offset = random.uniform(4, 20) / reach, random.uniform(0, 60, 3)
+    spoilt = []
+    for view in views:
+        origins, directions = view.at.rays()
+        flat = view.depth.ravel().astype(np.float64)
+        known = np.isfinite(flat)
+        where = origins[known] + directions[known] * flat[known, None]
+        flat[known] += common * 2 * (fractal_noise(where * waves + offset, 2) - 0.5) * 2
+        flat[known] += random.normal(0, own) + random.normal(0, grain, known.sum())
+        depth = flat.reshape(view.depth.shape).astype(np.float32)
+        ids, slope = view.ids.copy(), view.slope.copy()
+        edge = _silhouette(ids)
+        chosen = edge & (random.random(edge.shape) < flying)
+        depth[chosen] = (depth + random.random(edge.shape) * (np.roll(depth, 1, 1) - depth))[chosen]
+        ids[edge & (random.random(edge.shape) < 0.5 * flying)] = random.choice([_OBJECT, _OTHER])
+        slope[chosen & (random.random(edge.shape) < 0.7)] = np.nan
+        depth[random.random(edge.shape) < holes] = np.nan
+        spoilt.append(View(at=view.at, depth=depth, slope=slope, ids=ids))
+    return spoilt
+
+
+def _silhouette(ids: Int16[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    edge = np.zeros(ids.shape, bool)
+    across, down = ids[:, 1:] != ids[:, :-1], ids[1:] != ids[:-1]
+    edge[:, 1:] |= across
+    edge[:, :-1] |= across
+    edge[1:] |= down
+    edge[:-1] |= down
+    return edge
+
+
+def _hit_points(views: list[View], placed: Placed) -> Float64[np.ndarray, "p 3"]:
+    found = [np.zeros((0, 3))]
+    for view in views:
+        origins, directions = view.at.rays()
+        own = (view.ids == _OBJECT).ravel() & np.isfinite(view.slope).ravel()
+        found.append(origins[own] + directions[own] * view.depth.ravel()[own, None].astype(np.float64))
+    return np.concatenate(found)
+
+
+def _jittered(cube: Cube, jitter: float, random: Random) -> Cube:
+    shift = random.uniform(-jitter, jitter, 3) * cube.side
+    return Cube(centre=cube.centre + shift, side=cube.side * float(random.uniform(1 - jitter, 1 + 3 * jitter)))
+
+
+def _evidence(views: list[View], seen: Float64[np.ndarray, "p 3"], pad: float, cells: int) -> EvidenceGrid:
+    """Fuse views as `goc.extract` does for a real object, on a somewhat coarser grid with the same band."""
+    longest = float(np.ptp(seen, axis=0).max())
+    config = ExtractConfig(
+        evidence_cells=cells,
+        evidence_pad=pad * longest,
+        truncation_voxels=max(2.0, _BAND * cells / (1 + 2 * pad)),
+        finest_voxel=1e-6,
+    )
+    points = seen.astype(np.float32)
+    volume = Volume(evidence_lattice(points, 1.0, config))
+    for view in views:
+        volume.add(view.for_fusion(), wanted=_OBJECT)
+    return evidence_grid(volume, points, config)
+
+
+def _without_space(evidence: EvidenceGrid) -> EvidenceGrid:
+    state = np.where(evidence.state == Evidence.EMPTY, Evidence.UNKNOWN, evidence.state).astype(np.uint8)
+    return EvidenceGrid(origin=evidence.origin, voxel=evidence.voxel, state=state, sdf=evidence.sdf)
+
+
+def _seen_surface(
+    placed: Placed, views: list[View], config: MaskConfig, random: Random
+) -> tuple[Float32[np.ndarray, "p 3"], Float32[np.ndarray, "p 3"]]:
+    """P_s with normals: uniform samples of the surface, those that no camera sees left out, and Gaussian noise."""
+    if config.points == 0:
+        return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
+    points, normals = placed.surface(4 * config.points, int(random.integers(2**31)))
+    keep = np.ones(len(points), bool)
+    if config.strategy == "visible":
+        keep = np.any([visible(points, view) for view in views], 0)
+    elif config.strategy == "random":
+        keep = random.random(len(points)) < 0.5
+    rows = np.flatnonzero(keep)
+    if len(rows) == 0:
+        rows = np.arange(len(points))
+    rows = random.choice(rows, config.points, replace=len(rows) < config.points)
+    low, high = placed.box()
+    sigma = config.noise * random.uniform(0, 0.006) * float((high - low).max())
+    return (points[rows] + random.normal(0, sigma, (len(rows), 3))).astype(np.float32), normals[rows].astype(np.float32)
+
+
+def visible(points: Float64[np.ndarray, "p 3"], view: View) -> Bool[np.ndarray, "p"]:
+    """Which points lie in the image and not behind what it shows there, by more than the slant of a pixel explains."""
+    pixels, depth = view.at.project(points)
+    column, row = np.floor(pixels).astype(np.int64).T
+    size = view.at.size
+    inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < size) & (row < size)
+    row, column = np.clip(row, 0, size - 1), np.clip(column, 0, size - 1)
+    slack = 2.0 * depth / view.at.focal_px
+    return inside & (depth < view.depth[row, column] + slack) & (view.ids[row, column] == _OBJECT)

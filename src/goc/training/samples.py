@@ -1,0 +1,111 @@
+"""Training batches: shapes, what is seen of them, and points where the network is asked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from jaxtyping import Float, Float32
+from torch import Tensor
+
+from goc.complete import PartialBatch, evidence_channels
+from goc.training.masking import MaskConfig, Masked, mask
+from goc.training.solids import Solid
+
+Random = np.random.Generator
+Draw = Callable[[Random], Solid]
+"""Gives a shape, the same for the same state of the random numbers."""
+
+_NEAR = (0.01, 0.05)
+"""Standard deviations of the queries round the true surface, model units."""
+_KNOWN_EMPTY = 0.15
+"""Share of queries kept in cells that rays passed: what is known needs little teaching."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FeedConfig:
+    """What a batch is made of."""
+
+    batch: int = 8
+    """Objects a step and process."""
+    masks: int = 2
+    """Masks of each shape: shapes are dearer to make than to look at."""
+    queries: int = 8192
+    """Points a network is asked at, for each object."""
+    near: float = 0.5
+    """Share of queries near the true surface; the others are uniform where something is to be decided."""
+    real: float = 0.4
+    """Share of prepared meshes, where there are any; the others are procedural."""
+    resolution: int = 96
+    """Voxels along the longest side of a procedural shape."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class TrainingBatch:
+    """b objects, seen in part, with the truth at q points each."""
+
+    seen: PartialBatch
+    queries: Float[Tensor, "b q 3"]
+    distance: Float[Tensor, "b q"]
+    """Signed, model units, negative inside; the sign is exact, the size near the surface only."""
+
+    def to(self, device: torch.device | str) -> "TrainingBatch":
+        """The same on another device."""
+        return TrainingBatch(
+            seen=self.seen.to(device), queries=self.queries.to(device), distance=self.distance.to(device)
+        )
+
+
+def make_batch(draw: Draw, feed: FeedConfig, masking: MaskConfig, cells: int, seed: Sequence[int]) -> TrainingBatch:
+    """One batch; the same for the same seed, wherever it is made."""
+    random = np.random.default_rng(list(seed))
+    masked: list[Masked] = []
+    while len(masked) < feed.batch:
+        solid = draw(random)
+        looks = (mask(solid, masking, random) for _ in range(min(feed.masks, feed.batch - len(masked))))
+        masked += [look for look in looks if look is not None]
+    channels = [evidence_channels(one.partial.evidence, cells) for one in masked]
+    pairs = zip(masked, channels, strict=True)
+    asked = [draw_queries(one, channel, feed, random) for one, channel in pairs]
+    return TrainingBatch(
+        seen=PartialBatch(
+            points=torch.from_numpy(np.stack([one.partial.points for one in masked])),
+            normals=torch.from_numpy(np.stack([one.partial.normals for one in masked])),
+            evidence=torch.from_numpy(np.stack(channels)),
+        ),
+        queries=torch.from_numpy(np.stack([queries for queries, _ in asked])),
+        distance=torch.from_numpy(np.stack([distance for _, distance in asked])),
+    )
+
+
+def draw_queries(
+    masked: Masked, channels: Float32[np.ndarray, "c n n n"], feed: FeedConfig, random: Random
+) -> tuple[Float32[np.ndarray, "q 3"], Float32[np.ndarray, "q"]]:
+    """Points in the cube with their true signed distance: near the surface, and wherever rays did not decide."""
+    near = int(feed.near * feed.queries)
+    surface, _ = masked.placed.surface(near, int(random.integers(2**31)))
+    sigma = np.where(np.arange(near) % 2, *_NEAR)[:, None]
+    close = masked.cube.model_from_world(surface) + random.normal(0, 1, (near, 3)) * sigma
+    close = close[(np.abs(close) <= 1).all(-1)]
+    far = _undecided(channels, feed.queries - len(close), random)
+    queries = np.concatenate([close, far]).astype(np.float32)
+    return queries, true_distance(masked, queries)
+
+
+def true_distance(masked: Masked, queries: Float32[np.ndarray, "q 3"]) -> Float32[np.ndarray, "q"]:
+    """Signed distance of the whole object at points in its cube, model units."""
+    world = masked.cube.world_from_model(queries)
+    return masked.placed.distances(world.astype(np.float64)) * np.float32(2.0 / masked.cube.side)
+
+
+def _undecided(channels: Float32[np.ndarray, "c n n n"], count: int, random: Random) -> Float32[np.ndarray, "q 3"]:
+    cells = channels.shape[-1]
+    found, missing = [], count
+    while missing > 0:
+        points = random.uniform(-1, 1, (2 * missing, 3)).astype(np.float32)
+        index = np.minimum(((points + 1) * (cells / 2)).astype(np.int64), cells - 1)
+        empty = channels[2, index[:, 0], index[:, 1], index[:, 2]]
+        kept = points[random.random(len(points)) > empty * (1 - _KNOWN_EMPTY)][:missing]
+        found.append(kept)
+        missing -= len(kept)
+    return np.concatenate(found) if found else np.zeros((0, 3), np.float32)

@@ -1,0 +1,255 @@
+"""`goc osc train`: the loop. Stops and starts anywhere, on one process or several."""
+
+import hashlib
+import math
+import os
+import signal
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import torch
+from torch import Tensor, distributed, nn
+from torch.nn.parallel import DistributedDataParallel
+
+from goc.complete import LiteConfig, build, save_network
+from goc.errors import TrainError
+from goc.events import Listener, Progress, ignore
+from goc.files import is_file
+from goc.training.board import Board
+from goc.training.config import TrainConfig
+from goc.training.feed import Recipe, batches
+from goc.training.held_out import Case, guess_network, held_out_cases, score, show
+from goc.training.losses import completion_loss, hard_iou
+from goc.training.pictures import tiled
+from goc.training.samples import TrainingBatch
+from goc.training.shapes import random_solid
+from goc.training.solids import Solid
+from goc.training.state import TrainState, initial_state, load_state, save_state
+
+STATE, WEIGHTS = "state.safetensors", "weights.safetensors"
+_CELLS_OF_POINTS = 8
+"""Cells of the evidence lattice for networks that take points: they look at none of it."""
+_HELD_OUT = 24
+_EVER = 10**9
+
+
+@dataclass(frozen=True, kw_only=True)
+class Place:
+    """Where this process stands among those that train together."""
+
+    rank: int
+    world: int
+    device: torch.device
+
+
+def train(out: Path, config: TrainConfig, notify: Listener = ignore) -> Path:
+    """Train a completion network, or go on with it where `out` holds a stopped training of the same settings.
+
+    Started by `torchrun --nproc-per-node N -m goc osc train …` it runs on N processes: gradients are means over them.
+
+    Args:
+        out: folder for state.safetensors, weights.safetensors (running mean), curves and pictures.
+        config: everything else.
+        notify: hears progress.
+
+    Returns:
+        The weights' path.
+
+    Raises:
+        TrainError: the folder belongs to a training with other settings, or the loss is not finite.
+    """
+    with _place() as place:
+        return _train(out, config, notify if place.rank == 0 else ignore, place)
+
+
+def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Path:
+    network = build(config.network(), config.seed).to(place.device)
+    state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
+    if is_file(out / STATE):
+        state = load_state(out / STATE, state, fingerprint(config))
+    model = network if place.world == 1 else DistributedDataParallel(network)
+    board = Board(out, notify) if place.rank == 0 else None
+    held_out = _held_out(config) if board else []
+    numbers = range(state.step * place.world + place.rank, _EVER, place.world)
+    started, saved, before = time.monotonic(), time.monotonic(), state.seconds
+    try:
+        with stop_signals() as stopped:
+            for batch in batches(recipe(config), numbers, config.workers):
+                if spent(config, state) >= 1.0 or stopped.is_set():
+                    break
+                figures = step(model, state, batch.to(place.device), config)
+                state.seconds = _agreed(before + time.monotonic() - started, place)
+                if board is None:
+                    continue
+                _tell(board, state, figures, config, notify)
+                if state.step % config.look_every == 0:
+                    look(board, state, held_out, config)
+                if time.monotonic() - saved > config.save_every:
+                    _save(out, state, config)
+                    saved = time.monotonic()
+    finally:
+        if board:
+            _save(out, state, config)
+            board.close()
+    if stopped.is_set():
+        raise KeyboardInterrupt
+    return out / WEIGHTS
+
+
+def _save(out: Path, state: TrainState, config: TrainConfig) -> None:
+    save_state(out / STATE, state, fingerprint(config))
+    save_network(out / WEIGHTS, state.averaged(build(config.network())), _notes(config, state))
+
+
+@contextmanager
+def stop_signals() -> Iterator[threading.Event]:
+    """Ctrl-C and SIGTERM ask for a stop after the step at hand, so that what is saved is whole."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked  # only the main thread hears signals
+        return
+    kinds = (signal.SIGINT, signal.SIGTERM)
+    before = [signal.signal(kind, lambda *_: asked.set()) for kind in kinds]
+    try:
+        yield asked
+    finally:
+        for kind, handler in zip(kinds, before, strict=True):
+            signal.signal(kind, handler)
+
+
+def fingerprint(config: TrainConfig) -> str:
+    """Names the settings that a checkpoint depends on; a budget may be raised, and what is only watched may change."""
+    slower = replace(config.optimiser, rate=1.0)
+    same = replace(
+        config, minutes=1.0, steps=None, workers=0, save_every=60.0, look_every=1, data=None, optimiser=slower
+    )
+    return hashlib.sha256(msgspec.json.encode(asdict(same), order="sorted")).hexdigest()
+
+
+def recipe(config: TrainConfig) -> Recipe:
+    """What batches are made of."""
+    network = config.network()
+    if isinstance(network, LiteConfig):
+        cells, points = network.cells, 0
+    else:
+        cells, points = _CELLS_OF_POINTS, network.points
+    masking = replace(config.masking, points=points)
+    return Recipe(feed=config.feed, masking=masking, cells=cells, data=config.data, seed=config.seed)
+
+
+def spent(config: TrainConfig, state: TrainState) -> float:
+    """Share of the budget that is used up."""
+    return state.step / config.steps if config.steps else state.seconds / (60.0 * config.minutes)
+
+
+def rate_factor(share: float, warmup: float) -> float:
+    """Warm-up from 0, then linear to 0 at the end of the budget."""
+    return min(share / warmup if warmup > 0 else 1.0, (1.0 - share) / (1.0 - warmup), 1.0)
+
+
+def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: TrainConfig) -> dict[str, float]:
+    """One step of AdamW and of the running mean; gives the terms of the loss and the IoU at the queries.
+
+    Raises:
+        TrainError: the loss is not finite.
+    """
+    share = max(spent(config, state), 0.5 * config.optimiser.warmup / 100)
+    for group in state.optimiser.param_groups:
+        group["lr"] = config.optimiser.rate * max(0.0, rate_factor(share, config.optimiser.warmup))
+    torch.manual_seed(int(np.random.SeedSequence([config.seed, state.step]).generate_state(1)[0]))
+    state.network.train()
+    with torch.autocast(batch.queries.device.type, torch.bfloat16, enabled=config.optimiser.bf16):
+        logits, divergence = model(batch.seen, batch.queries)
+    terms = completion_loss(logits.float(), divergence.float(), batch.distance, None, config.losses)
+    if not math.isfinite(terms["loss"].item()):
+        raise TrainError(
+            f"The loss is not finite at step {state.step}. Lower --optimiser.rate; resume starts before it."
+        )
+    state.optimiser.zero_grad(set_to_none=True)
+    terms["loss"].backward()
+    norm = nn.utils.clip_grad_norm_(state.network.parameters(), config.optimiser.clip)
+    state.optimiser.step()
+    state.step += 1
+    state.follow(config.optimiser.average)
+    iou = hard_iou(logits.float(), batch.distance, config.losses.threshold).mean()
+    rate = state.optimiser.param_groups[0]["lr"]
+    return {name: _number(value) for name, value in {**terms, "norm": norm, "query_iou": iou, "rate": rate}.items()}
+
+
+def look(board: Board, state: TrainState, cases: list[Case], config: TrainConfig) -> None:
+    """Score the running mean on fixed held-out masks, and picture some of them."""
+    network = state.averaged(build(config.network()))
+    fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
+    scores = [score(case, field, with_surface=False) for case, field in zip(cases, fields, strict=True)]
+    board.scalars(
+        state.step,
+        {
+            "held_out/iou": float(np.mean([one.iou for one in scores])),
+            "held_out/undecided_right": float(np.mean([one.decided_right for one in scores])),
+        },
+    )
+    rows = [show(case, [field]) for case, field in list(zip(cases, fields, strict=True))[:8]]
+    board.picture(state.step, "completions", tiled([sum(rows[i : i + 2], []) for i in range(0, len(rows), 2)]))
+
+
+def _held_out(config: TrainConfig) -> list[Case]:
+    """Procedural shapes from a stream of random numbers of their own."""
+    made = recipe(config)
+
+    def draw(random: np.random.Generator) -> Solid:
+        return random_solid(random, config.feed.resolution)
+
+    cells = made.cells if config.size == "lite" else 32
+    return list(held_out_cases(draw, _HELD_OUT, made.masking, cells, seed=(config.seed, 2**31)))
+
+
+def _tell(board: Board, state: TrainState, figures: dict[str, float], config: TrainConfig, notify: Listener) -> None:
+    if state.step % 10 == 0 or state.step == 1:
+        board.scalars(state.step, {f"train/{name}": value for name, value in figures.items()})
+    done = round(1000 * min(spent(config, state), 1.0))
+    total = config.steps or 1000
+    shown = {"steps": float(state.step), "loss e-3": 1e3 * figures["loss"], "IoU %": 100 * figures["query_iou"]}
+    notify(Progress(stage="train", done=state.step if config.steps else done, total=total, figures=shown))
+
+
+def _notes(config: TrainConfig, state: TrainState) -> dict[str, str]:
+    return {
+        "training": msgspec.json.encode(asdict(replace(config, data=None))).decode(),
+        "steps": str(state.step),
+        "minutes": f"{state.seconds / 60:.1f}",
+    }
+
+
+def _number(value: Tensor | float) -> float:
+    return float(value.detach()) if isinstance(value, Tensor) else float(value)
+
+
+@contextmanager
+def _place() -> Iterator[Place]:
+    """Among the processes of torchrun; alone without it."""
+    world, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
+    cuda = torch.cuda.is_available()
+    device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0"))) if cuda else torch.device("cpu")
+    if world == 1:
+        yield Place(rank=0, world=1, device=device)
+        return
+    distributed.init_process_group("nccl" if cuda else "gloo")
+    try:
+        yield Place(rank=rank, world=world, device=device)
+    finally:
+        distributed.destroy_process_group()
+
+
+def _agreed(seconds: float, place: Place) -> float:
+    """The first process's clock, so that all stop after the same step."""
+    if place.world == 1:
+        return seconds
+    clock = torch.tensor([seconds], dtype=torch.float64, device=place.device)
+    distributed.broadcast(clock, 0)
+    return float(clock)

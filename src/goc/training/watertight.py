@@ -1,0 +1,155 @@
+"""Signed distance of any mesh on a grid: exact where the mesh is closed, else with the sign that views give."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float32, Float64, Int32
+
+from goc.evaluation.metrics import SurfaceSamples, sample_surface
+from goc.extract.depth import DepthView
+from goc.extract.volume import BLOCK, Lattice, Volume
+from goc.geometry.raycast import TriangleScene
+from goc.geometry.topology import is_closed, signed_volume
+from goc.scene import Mesh
+from goc.training.solids import BAND, Solid
+from goc.training.surroundings import nothing_round
+from goc.training.viewpoints import Viewpoint, random_viewpoints
+
+_VIEWS, _VIEW_PX = 60, 200
+_SAMPLES = 60_000
+"""Places where the thickness of a mesh is looked at."""
+_HALF_SHEET = 0.6
+"""Half the thickness that single sheets and thinner walls are given, voxels: less would fall through the grid."""
+_HAIR = np.array([3.1e-4, 4.7e-4, 7.3e-4])
+"""By how much, in voxels, points are moved before they are asked for their side: a ray from a point of the lattice
+through the very edge of a box may count it twice."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Grid:
+    """Points of a grid round a mesh in the frame of a Solid."""
+
+    origin: Float64[np.ndarray, "3"]
+    voxel: float
+    shape: tuple[int, int, int]
+
+    def points(self) -> Float64[np.ndarray, "p 3"]:
+        """All positions, the last axis fastest."""
+        return self.origin + self.voxel * np.stack(np.unravel_index(np.arange(np.prod(self.shape)), self.shape), -1)
+
+
+def standing(mesh: Mesh) -> Mesh:
+    """The mesh in the frame of a Solid: longest side 1, on z = 0, its box centred over the origin.
+
+    Raises:
+        ValueError: no extent.
+    """
+    low, high = mesh.vertices.min(0).astype(np.float64), mesh.vertices.max(0).astype(np.float64)
+    longest = float((high - low).max())
+    if not longest > 0:
+        raise ValueError("all vertices are in one place")
+    foot = np.array([*(low + high)[:2] / 2, low[2]])
+    return Mesh(vertices=((mesh.vertices - foot) / longest).astype(np.float32), faces=mesh.faces)
+
+
+def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
+    """Signed distance of a welded mesh, and how its sign was found: "closed" or "carved".
+
+    closed: where the surface winds round, so that overlapping closed pieces unite. carved: inside is what none of 60
+    virtual views sees through. Sheets, and walls thinner than a voxel, get a thickness of 1.2 voxels.
+
+    Args:
+        mesh: any unit and place, z up.
+        cells: voxels along its longest side.
+
+    Raises:
+        ValueError: nothing is inside, or the mesh has no extent or no area.
+    """
+    mesh = standing(mesh)
+    voxel = 1.0 / cells
+    rim = BAND + 1
+    low, high = mesh.vertices.min(0).astype(np.float64) - rim * voxel, mesh.vertices.max(0) + rim * voxel
+    shape = tuple(int(n) for n in np.ceil((high - low) / voxel) + 1)
+    grid = Grid(origin=low, voxel=voxel, shape=shape)
+    scene = TriangleScene(mesh.vertices, mesh.faces)
+    closed = is_closed(mesh) and abs(signed_volume(mesh)) > 1e-6
+    points = grid.points()
+    if closed:
+        inside = (scene.winding(points + _HAIR * voxel) != 0).reshape(shape)
+    else:
+        inside = _inside_by_views(scene, mesh, grid)
+    distance = _distance(scene, points, grid)
+    distance = np.where(inside, -distance, distance)
+    thin = _thin_faces(scene, sample_surface(mesh, _SAMPLES), inside, grid, closed)
+    if len(thin):
+        thickened = _distance(TriangleScene(mesh.vertices, mesh.faces[thin]), points, grid)
+        reached = thickened < np.float32(BAND * voxel)
+        distance = np.where(reached, np.minimum(distance, thickened - np.float32(_HALF_SHEET * voxel)), distance)
+    if (distance < 0).sum() < 64:
+        raise ValueError("nothing is inside: no closed shape")
+    return Solid(distance=distance, origin=grid.origin, voxel=voxel), "closed" if closed else "carved"
+
+
+def _distance(scene: TriangleScene, points: Float64[np.ndarray, "p 3"], grid: Grid) -> Float32[np.ndarray, "x y z"]:
+    """Distance to the surface, cut off at the band."""
+    limit = BAND * grid.voxel
+    found, _ = scene.nearest(points, limit)
+    return np.minimum(found, limit).astype(np.float32).reshape(grid.shape)
+
+
+def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.ndarray, "x y z"]:
+    """Grid points that no ray of 60 virtual views passes: the fusion of real captures, with views all round."""
+    random = np.random.default_rng(0)
+    box = (mesh.vertices.min(0).astype(np.float64), mesh.vertices.max(0).astype(np.float64))
+    blocks = -(-np.array(grid.shape) // BLOCK)
+    table = np.stack(np.meshgrid(*(np.arange(n) for n in blocks), indexing="ij"), -1).reshape(-1, 3)
+    lattice = Lattice(origin=grid.origin, voxel=grid.voxel, truncation=0.5 * grid.voxel, blocks=table.astype(np.int32))
+    volume = Volume(lattice)
+    for viewpoint in random_viewpoints(box, nothing_round(), "round", _VIEWS, _VIEW_PX, random):
+        volume.add(_depth_of(scene, viewpoint), wanted=None)
+    before = (volume.weight > 0) & (volume.distance() > 0)  # in the band, on the near side
+    passed = ((volume.empty > 0) | before).reshape(*blocks, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
+    nx, ny, nz = grid.shape
+    return ~passed.reshape(blocks * BLOCK)[:nx, :ny, :nz]
+
+
+def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
+    origins, directions = at.rays()
+    depth = scene.closest_hit(origins, directions).t
+    depth = np.where(np.isfinite(depth), depth, 1e3).astype(np.float32).reshape(at.size, at.size)
+    return DepthView(
+        depth=depth,
+        slope=np.ones_like(depth),
+        ids=None,
+        colours=np.zeros((*depth.shape, 3), np.uint8),
+        pinhole=at.pinhole(),
+        world_from_cam=at.world_from_cam[:3],
+    )
+
+
+def _thin_faces(
+    scene: TriangleScene, samples: SurfaceSamples, inside: Bool[np.ndarray, "x y z"], grid: Grid, closed: bool
+) -> Int32[np.ndarray, "_"]:
+    """Faces of sheets, with air on both sides, and of walls whose other side is nearer than the grid can hold."""
+    sheet, wall = np.ones(len(samples), bool), np.zeros(len(samples), bool)
+    for way in (-1.0, 1.0):
+        side = way * samples.normals
+        beside = samples.points + 1.5 * grid.voxel * side
+        sheet &= ~_any_corner(inside, (beside - grid.origin) / grid.voxel)
+        across = scene.closest_hit(samples.points + 1e-4 * grid.voxel * side, side).t
+        middle = samples.points + 0.5 * np.minimum(across, grid.voxel)[:, None] * side
+        near = across < 2 * _HALF_SHEET * grid.voxel
+        if closed:  # else a narrow gap of air counts too: nobody could tell
+            near[near] = scene.winding(middle[near]) != 0
+        wall |= near
+    _, face = scene.nearest(samples.points[sheet | wall], grid.voxel)
+    return np.unique(face[face >= 0])
+
+
+def _any_corner(inside: Bool[np.ndarray, "x y z"], at: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
+    """Whether any of the eight grid points round each place is inside."""
+    low = np.clip(np.floor(at), 0, np.array(inside.shape) - 2).astype(int)
+    found = np.zeros(len(at), bool)
+    for corner in np.ndindex(2, 2, 2):
+        found |= inside[tuple((low + corner).T)]
+    return found

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+
+from goc.complete import evidence_channels
+from goc.scene import Evidence
+from goc.training.masking import MaskConfig, mask, take, visible
+from goc.training.placing import Placed
+from goc.training.primitives import Box, Ellipsoid
+from goc.training.samples import FeedConfig, make_batch, true_distance
+from goc.training.shapes import random_solid
+from goc.training.solids import Part, paint
+from goc.training.surroundings import nothing_round, random_surroundings
+from goc.training.viewpoints import random_viewpoints
+
+BALL = paint([Part(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 48)
+EXACT = MaskConfig(noise=0.0, size_px=64, without_space=0.0)
+
+
+def masked(solid, config, seed):
+    return mask(solid, config, np.random.default_rng(seed))
+
+
+def grid_points(evidence):
+    return evidence.origin + evidence.voxel * np.argwhere(np.ones(evidence.state.shape, bool))
+
+
+@pytest.mark.parametrize("config", [EXACT, MaskConfig(noise=0.0, arc=0.0, room=1.0, size_px=64, without_space=0.0)])
+def test_exact_evidence_agrees_with_the_truth(config):
+    looks = [masked(random_solid(np.random.default_rng(seed), 48), config, seed) for seed in range(4)]
+    for look in (look for look in looks if look is not None):
+        evidence = look.partial.evidence
+        distance = true_distance(look, grid_points(evidence).astype(np.float32)).reshape(evidence.state.shape)
+        empty, surface = evidence.state == Evidence.EMPTY, evidence.state == Evidence.SURFACE
+        assert (distance[empty] > -2 * evidence.voxel).mean() > 0.99
+        assert np.median(np.abs(distance[surface] - evidence.sdf[surface])) < evidence.voxel
+
+
+def test_a_ball_seen_from_one_side_is_known_on_that_side():
+    look = masked(BALL, MaskConfig(noise=0.0, arc=1.0, room=0.0, points=500, size_px=64), 3)
+    assert look.regime == "arc" and 1 <= look.views <= 6
+    low, high = look.placed.box()
+    world = look.cube.world_from_model(look.partial.points)
+    assert ((world > low - 0.05) & (world < high + 0.05)).all()
+    assert 0 < (look.partial.evidence.state == Evidence.UNKNOWN).mean() < 1
+
+
+def test_all_round_views_see_all_of_a_ball():
+    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=0.0, points=400), 0)
+    outwards = look.partial.points - 0.5 * (look.partial.points.min(0) + look.partial.points.max(0))
+    assert len(np.unique(np.sign(outwards), axis=0)) == 8
+
+
+@pytest.mark.parametrize("strategy", ["random", "none"])
+def test_the_other_strategies_of_table_6_keep_points_on_all_sides(strategy):
+    look = masked(BALL, MaskConfig(strategy=strategy, noise=0.0, points=300), 1)
+    assert look.partial.points.shape == (300, 3)
+    assert np.ptp(look.partial.points, axis=0).min() > 1.0
+
+
+def test_points_behind_the_object_or_out_of_the_image_are_not_visible():
+    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    at = random_viewpoints(placed.box(), nothing_round(), "arc", 1, 64, np.random.default_rng(0))[0]
+    view = take(placed, nothing_round(), at)
+    towards = at.world_from_cam[:3, 3] - [0, 0, 0.5]
+    towards /= np.linalg.norm(towards)
+    near, far = np.array([0, 0, 0.5]) + 0.5 * towards, np.array([0, 0, 0.5]) - 0.5 * towards
+    behind_camera = at.world_from_cam[:3, 3] + towards
+    assert visible(np.stack([near, far, behind_camera]), view).tolist() == [True, False, False]
+
+
+def test_forgotten_space_leaves_no_empty_voxel():
+    look = masked(BALL, MaskConfig(without_space=1.0), 2)
+    assert (look.partial.evidence.state != Evidence.EMPTY).all()
+
+
+def test_no_camera_stands_behind_a_wall_or_below_the_floor():
+    placed = Placed(solid=paint([Part(body=Box((2, 1, 1)), at=(0, 0, 0))], 32), matrix=np.eye(3), shift=np.zeros(3))
+    for seed in range(8):
+        random = np.random.default_rng(seed)
+        around = random_surroundings(placed, 0.3, random)
+        for at in random_viewpoints(placed.box(), around, "room", 8, 32, random):
+            position = at.world_from_cam[:3, 3]
+            assert (around.walls[:, :3] @ position > around.walls[:, 3]).all()
+            assert position[2] > around.lowest
+
+
+def test_projection_is_the_inverse_of_the_rays():
+    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    at = random_viewpoints(placed.box(), nothing_round(), "round", 1, 8, np.random.default_rng(4))[0]
+    origins, directions = at.rays()
+    pixels, depth = at.project(origins + 2.5 * directions)
+    np.testing.assert_allclose(depth, 2.5, atol=1e-9)
+    row, column = np.divmod(np.arange(64), 8)
+    np.testing.assert_allclose(pixels, np.stack([column, row], -1) + 0.5, atol=1e-9)
+
+
+def test_batches_depend_on_their_number_alone():
+    feed = FeedConfig(batch=2, masks=2, queries=256, resolution=32)
+    draw = lambda random: random_solid(random, 32)  # noqa: E731
+    one, other, next_ = (make_batch(draw, feed, MaskConfig(size_px=32), 16, (0, n)) for n in (7, 7, 8))
+    assert one.seen.evidence.shape == (2, 4, 16, 16, 16)
+    assert one.queries.shape == (2, 256, 3) and one.distance.shape == (2, 256)
+    assert (one.queries == other.queries).all() and (one.seen.evidence == other.seen.evidence).all()
+    assert (one.queries != next_.queries).any()
+    assert one.queries.abs().max() <= 1
+    assert 0.1 < (one.distance < 0).float().mean() < 0.9
+
+
+def test_queries_are_where_something_is_to_be_decided():
+    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=1.0), 5)
+    channels = evidence_channels(look.partial.evidence, 16)
+    batch = make_batch(lambda _: BALL, FeedConfig(batch=1, masks=1, queries=2000), MaskConfig(), 16, (1,))
+    near = batch.distance.abs() < 0.1
+    assert near.float().mean() > 0.4
+    assert channels.shape == (4, 16, 16, 16)
