@@ -21,7 +21,7 @@ from goc.synth.model import Model, Part
 from goc.synth.scans import painted
 from goc.synth.shapes import Solid
 from goc.synth.tops import find_tops
-from goc.synth.vectors import unit
+from goc.synth.vectors import length, unit
 
 _CATALOGUE = "objects.csv"
 _CATALOGUE_LIMIT = 64 << 20
@@ -173,11 +173,11 @@ def make_asset(pieces: tuple[MeshPiece, ...], name: str, source: MeshFolder) -> 
     _check_size(high - low, source)
     origin = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     everything = everything - origin
-    _check_stands(everything)
-    turn, has_back = _turn(everything)
-    vertices = [(each - origin) @ turn.T for each in vertices]
     starts = np.cumsum([0] + [len(each) for each in vertices])
     faces = [piece.mesh.faces + start for piece, start in zip(pieces, starts, strict=False)]
+    _check_stands(everything, np.concatenate(faces))
+    turn, has_back = _turn(everything)
+    vertices = [(each - origin) @ turn.T for each in vertices]
     outward = outward_faces(np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32))
     counts = np.cumsum([len(each) for each in faces])[:-1]
     parts = []
@@ -206,18 +206,20 @@ def _check_size(size: Float[np.ndarray, "3"], source: MeshFolder) -> None:
         raise _Unsuitable("flat: no side view would show it")
 
 
-def _check_stands(vertices: Float[np.ndarray, "v 3"]) -> None:
-    """The middle of the thing must lie over its base, and the base be wide enough for the height."""
+def _check_stands(vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"]) -> None:
+    """The middle of the surface must lie over the base, and the base be wide enough for the height."""
     height = float(vertices[:, 2].max())
     base = vertices[vertices[:, 2] <= max(0.005, 0.1 * height)][:, :2]
     try:
         hull = ConvexHull(base)
     except (QhullError, ValueError) as error:
         raise _Unsuitable("stands on an edge or a point; see --up") from error
-    middle = vertices.mean(0)[:2]
+    corners = vertices[faces]
+    areas = length(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
+    middle = (areas @ corners.mean(1) / max(float(areas.sum()), 1e-12))[:2]
     distances = -(hull.equations[:, :2] @ middle + hull.equations[:, 2])  # to each side of the base
-    corners = base[hull.vertices]
-    width = min(float(np.ptp(corners @ side)) for side in hull.equations[:, :2])
+    outline = base[hull.vertices]
+    width = min(float(np.ptp(outline @ side)) for side in hull.equations[:, :2])
     if distances.min() < 0 or height > _SLENDER * max(width, 1e-9):
         raise _Unsuitable("would topple as it stands; see --up")
 

@@ -15,8 +15,8 @@ from goc.synth.vectors import dot, length
 _PATTERN = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 # Half weights at the rim: the window counts each of the 16 patterns once, so that their differences cancel.
 _WINDOW = np.array([0.5, 1.0, 1.0, 1.0, 0.5])
-# Antialiasing: four samples a pixel, at these offsets from its centre.
-_OFFSETS = [(-0.25, -0.25), (0.25, -0.25), (-0.25, 0.25), (0.25, 0.25)]
+# Antialiasing: the centre, and three samples round it (15°, 135°, 255°) that no row or column of pixels aligns with.
+_OFFSETS = [(0.386, 0.104), (-0.283, 0.283), (-0.104, -0.386)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -34,7 +34,7 @@ class View:
 
 
 def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
-    """Cast rays through every pixel: one through its centre for depth, ids and light, four for colour.
+    """Cast rays through every pixel: one through its centre for depth, ids and light, that and three more for colour.
 
     Light is estimated with few rays a pixel that differ over blocks of 4x4 pixels, then averaged over neighbours on the
     same surface (interleaved sampling, Keller and Heidrich 2001): soft shadows without noise.
@@ -49,20 +49,26 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
     row, column = np.divmod(np.arange(height * width), width)
     light = light_on(lit, spots, _PATTERN[row % 4, column % 4], samples)
     light = _smooth(light.reshape(height, width, 3), spots, depth.reshape(height, width))
-    total = np.zeros((height * width, 3), np.float32)
+    total = _shaded(lit, camera, spots, light.reshape(-1, 3))
     for offset in _OFFSETS:
         seen, _ = _seen(lit, camera, offset)
-        here = _light_between(lit, light, spots, seen, offset)
-        look = look_at(lit.surfaces, seen)
-        radiance = look.colour * here + look.glow / lit.exposure
-        radiance += mirrored(lit, seen, camera.position.double().numpy(), look.gloss)
-        total += _tone(lit.exposure * radiance) / len(_OFFSETS)
+        total += _shaded(lit, camera, seen, _light_between(lit, light, spots, seen, offset))
     return View(
-        colour=encode_srgb(total).reshape(height, width, 3),
+        colour=encode_srgb(total / (1 + len(_OFFSETS))).reshape(height, width, 3),
         depth=depth.reshape(height, width),
         ids=lit.surfaces.owner[spots.triangle].reshape(height, width),
         normals=(spots.face_normals @ camera.world_from_cam[:3, :3].numpy()).reshape(height, width, 3),
     )
+
+
+def _shaded(
+    lit: LitSurfaces, camera: Camera, spots: Spots, light: Float32[np.ndarray, "n 3"]
+) -> Float32[np.ndarray, "n 3"]:
+    """What the camera gets from each spot under this light, in [0, 1], linear."""
+    look = look_at(lit.surfaces, spots)
+    radiance = look.colour * light + look.glow / lit.exposure
+    radiance += mirrored(lit, spots, camera.position.double().numpy(), look.gloss)
+    return _tone(lit.exposure * radiance)
 
 
 def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tuple[Spots, Float[np.ndarray, "n"]]:

@@ -98,13 +98,13 @@ def seen_spots(
 
 def spots_at(surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> Spots:
     """What rays hit, and where; every ray must have hit something, as rays inside a closed room do."""
-    weights = hits.barycentrics.astype(np.float32).T[:, :, None]
+    weights = hits.barycentrics.astype(np.float32)
     triangle = hits.triangle
     return Spots(
         positions=positions,
-        normals=unit(sum(weight * surfaces.normals[triangle, i] for i, weight in enumerate(weights))),
+        normals=unit(np.einsum("nk,nkc->nc", weights, surfaces.normals[triangle])),
         face_normals=surfaces.face_normals[triangle],
-        texture=sum(weight * surfaces.texture[triangle, i] for i, weight in enumerate(weights)),
+        texture=np.einsum("nk,nkc->nc", weights, surfaces.texture[triangle]),
         triangle=triangle,
     )
 
