@@ -30,9 +30,9 @@ def align(
 ) -> Float[Tensor, "2"] | None:
     """Fit k, b: argmin Σ ρ((k·D̂ + b - D) / D), over the samples that are finite in both and positive in `depth`.
 
-    The paper's Eq. for k̂, b̂ has plain squares in D̂ → D. Three departures (docs/decisions/mono-alignment.md). ρ is Tukey's
+    The paper's Eq. for k̂, b̂ has plain squares. Three departures (docs/decisions/mono-alignment.md). ρ is Tukey's
     biweight, its scale the median absolute deviation, so that occluded points, blurred edges and surface that is not
-    there yet do not bend the fit. Errors are relative, as those of monocular depth are; for kind inverse, 1/z is fitted.
+    there yet do not bend the fit. Errors are relative, as those of monocular depth are; for kind inverse, those of 1/z.
     And the line is the reduced major axis, k = σ(D) / σ(D̂): both sides are noisy, least squares would flatten the scene
     a little, and again at each refresh. It starts from the median of pairwise slopes (Theil 1950, Sen 1968), which up
     to 29 % outliers of any size cannot spoil. Twin: tests/oracles/alignment.py.
@@ -44,8 +44,8 @@ def align(
         weights: trust in each sample, ≥ 0; 1 if None.
 
     Returns:
-        (k, b); None where nothing is to be learned: fewer than 24 samples, (almost) the same depth in all of them, little
-        correlation, or depth that is not positive for most samples, which no network means.
+        (k, b); None where nothing is to be learned: fewer than 24 samples, (almost) the same depth in all of them,
+        little correlation, or depth that is not positive for most samples, which no network means.
     """
     known = torch.isfinite(stored) & torch.isfinite(depth) & (depth > 0)
     if weights is not None:
