@@ -18,6 +18,7 @@ import torch
 from goc import _native
 from goc.geometry.rotations import quats_towards
 from goc.raster import rasterize
+from goc.raster.rasterize import native_camera
 from goc.scene import Camera, Capture, Frame, Gaussians
 
 SIDE, FOCAL = 384, 295.65
@@ -77,6 +78,17 @@ def engine_times(splats: int, channels: int) -> tuple[float, float]:
     return forward, both - forward
 
 
+def work(splats: int) -> tuple[int, int]:
+    """(tile, splat) records and (record, 4×4 block) pairs of the view: what the arithmetic floor is counted in."""
+    gaussians, view = surface_splats(splats, torch.Generator().manual_seed(0)), camera()
+    arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits)
+    raster = _native.Raster()
+    channels = _native.Channels(torch.zeros(splats, 1))
+    images = [torch.zeros(1, SIDE, SIDE)]
+    raster.forward(_native.Splats(*arrays), channels, native_camera(view), images, torch.zeros(SIDE, SIDE))
+    return raster.records, raster.blocks
+
+
 def iteration_ms(splats: int) -> float:
     """One training iteration as `goc carve` runs it: 3 colour + 4 plane channels + alpha, all losses, Adam, noise."""
     from goc.reconstruct import Mcmc, ReconstructConfig, reconstruct
@@ -127,6 +139,8 @@ def main() -> None:
             f"| {row['splats']} | {row['channels']} | {row['forward_ms']:.1f} | {row['backward_ms']:.1f} "
             f"| {both / reference:.2f} |"
         )
+    records, pairs = work(60_000)
+    print(f"\n60,000 splats: {records:,} records, {pairs:,} (record, block) pairs")
     print(f"\nwhole training iteration, 60,000 splats, 384²: {iteration:.1f} ms ({iteration / reference:.2f} products)")
     if arguments.json:
         document = {"simd": _native.simd_level(), "threads": _native.thread_count(), "reference_ms": reference}

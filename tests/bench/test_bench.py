@@ -27,6 +27,7 @@ def result_of(run, **given):
         objects=10,
         found=9,
         values=dict(VALUES),
+        completed=VALUES | {"accuracy": 0.009},
     )
     return replace_struct(result, **given)
 
@@ -80,7 +81,7 @@ def test_an_ablation_leaves_out_one_loss():
 
 def test_settings_of_a_quick_look_reach_the_command_line():
     table = plan(BenchConfig(suites=("rooms",), iterations=50, max_side_px=128), ["den"])[0]
-    assert table.rows[1].runs[0].words == ("--iterations", "50", "--capture.max-side-px", "128")
+    assert table.rows[2].runs[0].words == ("--iterations", "50", "--capture.max-side-px", "128")
 
 
 def test_what_is_measured_is_not_measured_again(faked):
@@ -116,6 +117,9 @@ def test_a_row_is_the_mean_of_its_runs():
     cells = [cell.strip() for cell in line.split("|")]
     assert cells[2:6] == ["0.0060", "0.0200", "", "0.950"]  # no CD: one of the rooms has none
     assert cells[-4:-1] == ["19 of 20", "1.0", "1.50"]
+    done = replace(table, rows=(Row(label="done", runs=runs, completed=True),))
+    text_done = document([done], {run.name: result_of(run) for run in runs}, this_machine(), "goc bench")
+    assert "| done | 0.0090 |" in text_done
     assert "*paper:* GOC without OSC | 0.0045 | 0.0543" in text
     assert "at abc1234" in text
 

@@ -9,12 +9,15 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
 from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, reconstruct
+from goc.reconstruct.depth import draw_depth
+from goc.reconstruct.multiview import inverse_depth
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import memory_stride, view_pairs
 from goc.reconstruct.seed import seed
 from goc.reconstruct.state import State, initial_state
 from goc.reconstruct.task import Task
 from goc.scene import Capture, Gaussians
+from oracles import multiview as oracle
 
 WIDE = Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.4)
 BOTH = LossWeights(photometric=0.3, geometric=0.3)
@@ -101,35 +104,48 @@ def test_depths_are_remembered_an_epoch_before_the_start(capture):
     assert rendered.views == {}
 
 
-def test_the_geometric_loss_makes_views_agree(capture):
-    """Without any prior of depth: splats start from a few corners, and neighbours disagree."""
-    blind = replace(capture, has_depth=False)
-    plain = replace(QUICK, iterations=100, losses=LossWeights(photometric=0.0, geometric=0.0))
-    strict = replace(plain, losses=LossWeights(photometric=0.0, geometric=1.0))
-    disagreement = {}
-    for name, config in {"plain": plain, "strict": strict}.items():
-        state = optimised(blind, config)
-        judged = replace(config, iterations=101, losses=LossWeights(geometric=1.0))
-        disagreement[name] = geometric_error(blind, state, judged)
-    assert disagreement["strict"] < 0.9 * disagreement["plain"]
+def test_views_come_to_agree_and_photographs_find_the_surface(capture):
+    """Seeds off by a few centimetres, and no depth to hold them; measured: 0.040, 0.035 and 51 mm, 42 mm."""
+
+    def rough(index: int):
+        noise = torch.randn(capture[index].depth.shape, generator=torch.Generator().manual_seed(index))
+        return replace(capture[index], depth=capture[index].depth * (1 + 0.02 * noise))
+
+    def after(photometric: float, geometric: float) -> State:
+        losses = LossWeights(photometric=photometric, geometric=geometric)
+        config = replace(QUICK, iterations=160, losses=losses, multiview=replace(WIDE, start=0.2))
+        return optimised(replace(capture, load=rough), config)
+
+    plain = after(0.0, 0.0)
+    assert disagreement(capture, after(0.0, 0.3)) < 0.95 * disagreement(capture, plain)
+    assert depth_error(capture, after(1.0, 0.0)) < 0.9 * depth_error(capture, plain)
 
 
-def geometric_error(capture: Capture, state: State, config: ReconstructConfig) -> float:
-    """Mean L_geo over all pairs, both depths as they are now."""
-    from goc.reconstruct.depth import draw_depth
-    from goc.reconstruct.multiview import Neighbour, PairWeights, inverse_depth, multiview_loss
+def depth_error(capture: Capture, state: State) -> float:
+    """Median over all pixels, metres."""
+    found = []
+    for view, camera in enumerate(capture.cameras):
+        depth = draw_depth(state.gaussians().detached(), camera, "plane")
+        found.append((depth.numerator / depth.denominator - capture[view].depth).abs().flatten())
+    return torch.cat(found).nanmedian().item()
 
-    pairs = view_pairs(capture, list(range(len(capture))), config)
+
+def disagreement(capture: Capture, state: State) -> float:
+    """Median relative difference between the depth of a pixel's point in a neighbour and what the neighbour shows."""
+    pairs = view_pairs(capture, list(range(len(capture))), QUICK)
     assert pairs is not None
     depths = [draw_depth(state.gaussians().detached(), camera, "plane") for camera in capture.cameras]
-    weights = PairWeights(photometric=0.0, geometric=1.0, tolerance=0.05)
+    inverses = [inverse_depth(depth) for depth in depths]
     found = []
     for view, others in pairs.neighbours.items():
         for other in others:
-            frame = capture[other]
-            there = Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse_depth(depths[other]))
-            found.append(multiview_loss(depths[view], capture[view], there, weights).item())
-    return sum(found) / len(found)
+            camera, there = capture.cameras[view], capture.cameras[other]
+            pair = oracle.Pair(camera, capture[view].image, there, capture[other].image)
+            depth = depths[view].numerator / depths[view].denominator
+            seen = oracle.visible(depth, depths[view].alpha, inverses[other], pair, tolerance=0.05)
+            points, _ = oracle.carried(depth, pair)
+            found.append((points[:, 2] * seen["inverse"] - 1)[seen["smooth"]].abs())
+    return torch.cat(found).median().item()
 
 
 def test_held_out_views_are_nobodys_neighbour(capture):

@@ -20,6 +20,7 @@ _COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
         ("scene.chamfer", "scene CD", 4),
         ("scene.f_score_0.05", "scene F@5cm", 3),
         ("scene.normal_consistency", "scene NC", 3),
+        ("watertight", "closed", 2),
         ("psnr_db", "PSNR dB", 1),
     ),
     "labels": (
@@ -37,7 +38,8 @@ Written by `goc bench`; every figure was measured by it, except the rows marked 
 (other rooms, other hardware: compare the shape, not the level). Lengths in metres. Object columns are means over all
 objects of all rooms in a row, scene columns means over rooms; protocol `goc` of `goc eval`
 (docs/guide/eval.md). *objects* counts those found; a missing one scores F = 0. PSNR on views held out.
-Times are wall clock, one run at a time, with whatever else the machine did meanwhile.
+*closed*: share of the objects that are watertight. Times are wall clock, one run at a time, with whatever else the
+machine did meanwhile.
 """
 
 
@@ -74,7 +76,8 @@ def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, i
     found = [results[run.name] for run in row.runs if run.name in results]
     if len(found) < len(row.runs):
         return "| " + " | ".join([row.label, *("–" for _ in columns), "–", "–", "–"]) + " |"
-    cells = [_shown(_mean([result.values.get(key) for result in found]), digits) for key, _, digits in columns]
+    values = [result.completed if row.completed else result.values for result in found]
+    cells = [_shown(_mean([of_run.get(key) for of_run in values]), digits) for key, _, digits in columns]
     objects = f"{sum(result.found for result in found)} of {sum(result.objects for result in found)}"
     minutes = _shown(_mean([result.seconds / 60 for result in found]), 1)
     gigabytes = _shown(_mean([_gigabytes(result.peak_memory_mb) for result in found]), 2)

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from goc.bench.config import BenchConfig
-from goc.bench.plan import Run
+from goc.bench.plan import MADE, Run
 from goc.events import Listener
 from goc.files import is_file
 from goc.synth.captures import RoomConfig, make_room_capture
@@ -25,7 +25,7 @@ _FAULTS = {
 
 def make_rooms(config: BenchConfig, folder: Path, notify: Listener) -> dict[str, Path]:
     """Synthetic rooms by name: the n-th is always the same one."""
-    rooms = {f"synth{seed}": folder / f"synth{seed}" for seed in range(config.synth_rooms)}
+    rooms = {f"{MADE}{seed}": folder / f"{MADE}{seed}" for seed in range(config.synth_rooms)}
     for seed, room in enumerate(rooms.values()):
         _made(room, lambda new, seed=seed: make_room_capture(new, replace(_ROOM, seed=seed), notify))
     return rooms

@@ -23,4 +23,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     found: int
     """Of these, with a mesh."""
     values: dict[str, float | None]
-    """Means over the objects by metric; `scene.` before those of the scene; null where not finite."""
+    """Of the observed meshes: means over the objects by metric; `scene.` before those of the scene; null where not
+    finite."""
+    completed: dict[str, float | None]
+    """The same of the completed meshes; empty where there are none."""

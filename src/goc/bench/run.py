@@ -59,10 +59,11 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
         _fuse(source, own / _CARVED)
     seconds = time.perf_counter() - started
     report = read_json(own / _CARVED / "report.json", _Report) if run.method == "carve" else None
-    scores = evaluate(own / _CARVED, truth)
+    scores = evaluate(own / _CARVED, truth, meshes="observed")
+    completed = flat_scores(evaluate(own / _CARVED, truth, meshes="completed")) if report is not None else {}
     values = flat_scores(scores)
     if report is not None:
-        values["psnr_db"] = report.metrics.get("held_out_psnr_db")
+        values["psnr_db"] = completed["psnr_db"] = report.metrics.get("held_out_psnr_db")
     result = Result(
         run=run.name,
         command=shlex.join(command) if run.method == "carve" else f"fused {source}",
@@ -73,6 +74,7 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
         objects=scores.counts.objects,
         found=scores.counts.found,
         values=values,
+        completed=completed,
     )
     write_json(own / RESULT, result)
     return result

@@ -160,6 +160,13 @@ def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray,
         distance in [-1, 1] in units of 1.5 cells, 0 where no surface was seen; the others are shares in [0, 1].
     """
     rows = [_nearest(evidence, axis, 2 * cells) for axis in range(3)]
+    channels = np.zeros((len(CHANNELS), cells, cells, cells), np.float32)
+    channels[3] = 1.0
+    if not all((row >= 0).any() for row in rows):
+        return channels
+    reached = [np.flatnonzero(row >= 0)[[0, -1]] // 2 for row in rows]  # cells that the grid reaches into
+    block = tuple(slice(first, last + 1) for first, last in reached)
+    rows = [row[2 * first : 2 * last + 2] for row, (first, last) in zip(rows, reached, strict=True)]
     place = np.ix_(*(np.maximum(row, 0) for row in rows))
     known = [(row >= 0).astype(np.uint8) for row in rows]
     inside = known[0][:, None, None] * known[1][:, None] * known[2]
@@ -168,10 +175,11 @@ def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray,
     band = _BAND * 2.0 / cells
     steps = np.rint(np.clip(evidence.sdf / band, -1, 1) * 1000).astype(np.int16)
     hits = _pooled(surface)
-    distance = _pooled(steps[place] * surface) / (1000.0 * np.maximum(hits, 1))
-    empty = _pooled((state == Evidence.EMPTY) * inside)
-    shares = [hits / 8.0, empty / 8.0, 1.0 - _pooled(inside) / 8.0]
-    return np.stack([distance, *shares]).astype(np.float32)
+    channels[(0, *block)] = _pooled(steps[place] * surface) / (1000.0 * np.maximum(hits, 1))
+    channels[(1, *block)] = hits / 8.0
+    channels[(2, *block)] = _pooled((state == Evidence.EMPTY) * inside) / 8.0
+    channels[(3, *block)] = 1.0 - _pooled(inside) / 8.0
+    return channels
 
 
 def _nearest(evidence: EvidenceGrid, axis: int, count: int) -> Int64[np.ndarray, "{count}"]:

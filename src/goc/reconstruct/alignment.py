@@ -12,6 +12,8 @@ _MOST = 2048
 """Pixels looked at at most, evenly spread: the fit is long settled by then."""
 _LEAST_VARIATION = 0.01
 """Least spread of the fitted depths, as a share of their mean: on a wall seen head-on, scale and offset are one."""
+_LEAST_CORRELATION = 0.5
+"""Of stored and known depth among the samples kept: below, the network saw another scene."""
 _ROUNDS = 10
 _TUKEY = 4.685
 """Tukey's biweight is 95 % as efficient as least squares on normal errors with this many standard deviations."""
@@ -28,11 +30,12 @@ def align(
 ) -> Float[Tensor, "2"] | None:
     """Fit k, b: argmin Σ ρ((k·D̂ + b - D) / D), over the samples that are finite in both and positive in `depth`.
 
-    The paper's Eq. for k̂, b̂ has plain squares. Here ρ is Tukey's biweight, its scale the median absolute deviation,
-    so that occluded points, blurred edges and surface that is not there yet do not bend the fit; and errors are
-    relative, as those of monocular depth are. For kind inverse, 1/z is fitted, by relative errors too. It starts from
-    the median of pairwise slopes (Theil 1950, Sen 1968), which up to 29 % outliers of any size cannot spoil. Twin:
-    tests/oracles/alignment.py.
+    The paper's Eq. for k̂, b̂ has plain squares in D̂ → D. Three departures (docs/decisions/mono-alignment.md). ρ is Tukey's
+    biweight, its scale the median absolute deviation, so that occluded points, blurred edges and surface that is not
+    there yet do not bend the fit. Errors are relative, as those of monocular depth are; for kind inverse, 1/z is fitted.
+    And the line is the reduced major axis, k = σ(D) / σ(D̂): both sides are noisy, least squares would flatten the scene
+    a little, and again at each refresh. It starts from the median of pairwise slopes (Theil 1950, Sen 1968), which up
+    to 29 % outliers of any size cannot spoil. Twin: tests/oracles/alignment.py.
 
     Args:
         stored: D̂ as stored.
@@ -41,8 +44,8 @@ def align(
         weights: trust in each sample, ≥ 0; 1 if None.
 
     Returns:
-        (k, b); None where nothing is to be learned: fewer than 24 samples, (almost) the same depth in all of them, or
-        k ≤ 0 or depth that is not positive for most samples, which no network means.
+        (k, b); None where nothing is to be learned: fewer than 24 samples, (almost) the same depth in all of them, little
+        correlation, or depth that is not positive for most samples, which no network means.
     """
     known = torch.isfinite(stored) & torch.isfinite(depth) & (depth > 0)
     if weights is not None:
@@ -126,14 +129,16 @@ def _pairwise(x: Float[Tensor, "p"], y: Float[Tensor, "p"]) -> Float[Tensor, "2"
 
 
 def _solved(x: Float[Tensor, "p"], y: Float[Tensor, "p"], weights: Float[Tensor, "p"]) -> Float[Tensor, "2"] | None:
-    """Weighted least squares of y = k·x + b, about the weighted means; None where x does not vary."""
+    """Reduced major axis of weighted samples, about their means; None where x and y have little in common."""
     total = weights.sum()
     if not total > 0:
         return None
     mean_x, mean_y = (weights * x).sum() / total, (weights * y).sum() / total
-    across = x - mean_x
-    variance = (weights * across.square()).sum()
-    if not variance > 1e-14 * total * (mean_x.square() + 1e-300):
+    across, along = x - mean_x, y - mean_y
+    variance_x, variance_y = (weights * across.square()).sum(), (weights * along.square()).sum()
+    if not variance_x > 1e-14 * total * (mean_x.square() + 1e-300):
         return None
-    slope = (weights * across * (y - mean_y)).sum() / variance
+    if not (weights * across * along).sum() > _LEAST_CORRELATION * (variance_x * variance_y).sqrt():
+        return None
+    slope = (variance_y / variance_x).sqrt()
     return torch.stack([slope, mean_y - slope * mean_x])

@@ -40,7 +40,7 @@ class MaskConfig:
     arc: float = 0.5
     """Share of objects seen in 1 to 6 views on an arc."""
     room: float = 0.4
-    """Share seen in 10 to 24 views as a room is scanned; what is left is seen from all round, alone."""
+    """Share seen in 8 to 17 views as a room is scanned; what is left is seen from all round, alone."""
     noise: float = 1.0
     """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
     without_space: float = 0.1
@@ -110,7 +110,7 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
     if draw < config.arc:
         return "arc", int(random.integers(1, 7))
     if draw < config.arc + config.room:
-        return "room", int(random.integers(10, 25))
+        return "room", int(random.integers(8, 18))
     return "round", int(random.integers(12, 21))
 
 
