@@ -156,7 +156,8 @@ def test_colours_are_carried_over_and_spread():
     assert (done.mesh.colours[clear & right, 0] > 200).all()
     assert (done.mesh.colours[clear & ~right, 2] > 200).all()
     filled = ~done.observed & (np.abs(done.mesh.vertices[:, 0] - centre[0]) > 0.2)
-    assert (done.mesh.colours[filled & right, 0] > 150).all()
+    red, blue = done.mesh.colours[filled & right][:, [0, 2]].astype(int).T
+    assert (red > blue + 20).all()  # less sure of it than the measured side, and the better for it
 
 
 def test_the_stage_closes_what_it_can_and_says_what_it_cannot():

@@ -73,6 +73,17 @@ def test_only_what_is_wanted_is_asked():
     assert cost < 0.6 * sum(ball.asked)
 
 
+def test_a_lattice_finer_than_the_model_is_interpolated():
+    ball, at = Balls(((0.0, 0.1, -0.2, 0.45),)), lattice(97, 97, 97)
+    coarse = decode(ball, at, Refinement(cells=24, enough=48))
+    asked = sum(ball.asked)
+    dense = decode_densely(ball, at)
+    near = np.abs(dense) < 2.0
+    np.testing.assert_allclose(coarse[near], dense[near], atol=0.1)
+    assert np.array_equal(coarse[::2, ::2, ::2][near[::2, ::2, ::2]], dense[::2, ::2, ::2][near[::2, ::2, ::2]])
+    assert asked <= 49**3
+
+
 def test_nothing_is_asked_outside_the_cube():
     class Inside(Balls):
         def logits(self, points):

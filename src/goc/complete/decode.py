@@ -35,6 +35,8 @@ class Refinement:
 
     cells: int = 64
     """Cells along the longest side that are asked at first, at least (where the lattice has as many)."""
+    enough: int = 1 << 20
+    """Cells along the longest side from which on nothing more is asked; a finer lattice is interpolated."""
     band: float = 3.0
     """Cells with a corner of smaller |log-odds| are looked at more closely, though all corners agree."""
 
@@ -68,6 +70,9 @@ def decode(
     asked = np.ones(nodes, bool)
     _ask(field, lattice, step, asked, values)
     while step > 1:
+        if max(lattice.shape) / step >= refinement.enough:
+            values, asked, step = _between(values), np.zeros(0, bool), step // 2
+            continue
         split = _unsure(values, refinement.band)
         if forced is not None:
             split |= _holding(forced, step, split.shape)

@@ -22,6 +22,8 @@ from goc.scene import Evidence, EvidenceGrid, ObjectMesh
 
 _SEAM_VOXELS = 4
 """A model is asked this far into the measured surface, so that both can be compared where they meet."""
+_ENOUGH_CELLS = 120
+"""Cells along the longest side at which a model is asked: its labels were no sharper than 1/128 of its cube."""
 _BAND = 3.0 / 128.0
 """Greatest half width of the measured band that networks met in training, longest sides of the grid."""
 
@@ -115,7 +117,8 @@ def model_fill(
     lattice = Lattice(origin=(grid.origin - cube.centre) * scale, voxel=grid.voxel * scale, shape=grid.state.shape)
     unknown = grid.state == Evidence.UNKNOWN
     surface = (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel)
-    logits = decode(field, lattice, Refinement(cells=coarse_cells), wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
+    refinement = Refinement(cells=coarse_cells, enough=_ENOUGH_CELLS)
+    logits = decode(field, lattice, refinement, wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
     return signed_distance(logits, threshold)
 
 
