@@ -21,17 +21,17 @@ Volume = Float[Tensor, "b c n n n"]
 class LiteConfig:
     """Sizes. The grid is halved once before the first convolution, and once more a level."""
 
-    cells: int = 64
+    cells: int = 48
     """Cells of the evidence grid along each side of the cube; a multiple of 8."""
     fine: int = 32
     """Channels at half of `cells`."""
     middle: int = 64
     """Channels at a quarter of `cells`."""
-    width: int = 192
+    width: int = 256
     """Of the transformer's tokens, at an eighth of `cells`."""
-    blocks: int = 4
+    blocks: int = 6
     """Of the transformer."""
-    heads: int = 3
+    heads: int = 4
     """Of each attention."""
     hidden: int = 64
     """Width of the MLP that reads occupancy off the features."""

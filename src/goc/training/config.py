@@ -47,7 +47,7 @@ class TrainConfig:
     """Processes that make batches; 0 makes them between steps."""
     save_every: float = 60.0
     """Seconds between checkpoints."""
-    look_every: int = 250
+    look_every: int = 500
     """Steps between pictures and scores on fixed held-out masks."""
     seed: int = 0
     """Of weights, shapes, masks and samples."""
