@@ -60,10 +60,11 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
     seconds = time.perf_counter() - started
     report = read_json(own / _CARVED / "report.json", _Report) if run.method == "carve" else None
     scores = evaluate(own / _CARVED, truth, meshes="observed")
-    completed = flat_scores(evaluate(own / _CARVED, truth, meshes="completed")) if report is not None else {}
+    closed = any((own / _CARVED).glob("objects/*/mesh.ply"))
+    completed = flat_scores(evaluate(own / _CARVED, truth, meshes="completed")) if closed else {}
     values = flat_scores(scores)
     if report is not None:
-        values["psnr_db"] = completed["psnr_db"] = report.metrics.get("held_out_psnr_db")
+        values["psnr_db"] = report.metrics.get("held_out_psnr_db")
     result = Result(
         run=run.name,
         command=shlex.join(command) if run.method == "carve" else f"fused {source}",
