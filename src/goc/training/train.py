@@ -81,10 +81,11 @@ def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Pa
     try:
         with stop_signals() as stopped:
             for batch in batches(recipe(config), numbers, config.workers):
-                if spent(config, state) >= 1.0 or stopped.is_set():
+                seconds, stop = _agreed(before + time.monotonic() - started, stopped.is_set(), place)
+                state.seconds = max(seconds, state.seconds)
+                if spent(config, state) >= 1.0 or stop:
                     break
                 figures = step(model, state, batch.to(place.device), config)
-                state.seconds = _agreed(before + time.monotonic() - started, place)
                 if board is None:
                     continue
                 _tell(board, state, figures, config, notify)
@@ -246,10 +247,10 @@ def _place() -> Iterator[Place]:
         distributed.destroy_process_group()
 
 
-def _agreed(seconds: float, place: Place) -> float:
-    """The first process's clock, so that all stop after the same step."""
+def _agreed(seconds: float, stop: bool, place: Place) -> tuple[float, bool]:
+    """The first process's clock, and whether any was asked to stop: all go on, or stop, before the same step."""
     if place.world == 1:
-        return seconds
-    clock = torch.tensor([seconds], dtype=torch.float64, device=place.device)
-    distributed.broadcast(clock, 0)
-    return float(clock)
+        return seconds, stop
+    told = torch.tensor([seconds if place.rank == 0 else 0.0, float(stop)], dtype=torch.float64, device=place.device)
+    distributed.all_reduce(told)
+    return float(told[0]), bool(told[1] > 0)
