@@ -167,7 +167,7 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
     state.network.train()
     with torch.autocast(batch.queries.device.type, torch.bfloat16, enabled=config.optimiser.bf16):
         logits, divergence = model(batch.seen, batch.queries)
-    terms = completion_loss(logits.float(), divergence.float(), batch.distance, None, config.losses)
+    terms = completion_loss(logits.float(), divergence.float(), batch.distance, config.losses)
     if not math.isfinite(terms["loss"].item()):
         raise TrainError(
             f"The loss is not finite at step {state.step}. Lower --optimiser.rate; resume starts before it."
@@ -185,7 +185,8 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
 
 def look(board: Board, state: TrainState, cases: list[Case], config: TrainConfig) -> None:
     """Score the running mean on fixed held-out masks, and picture some of them."""
-    network = state.averaged(build(config.network()))
+    device = next(state.network.parameters()).device
+    network = state.averaged(build(config.network()).to(device))
     fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
     scores = [score(case, field, with_surface=False) for case, field in zip(cases, fields, strict=True)]
     board.scalars(
