@@ -21,8 +21,6 @@ def test_cross_entropy_of_a_known_guess():
     logits = torch.full((1, 2), logit(0.8))
     found = occupancy_loss(logits, torch.tensor([[-1.0, 1.0]]))
     assert found.item() == pytest.approx(-(math.log(0.8) + math.log(0.2)) / 2, rel=1e-5)
-    weighted = occupancy_loss(logits, torch.tensor([[-1.0, 1.0]]), torch.tensor([[1.0, 0.0]]))
-    assert weighted.item() == pytest.approx(-math.log(0.8), rel=1e-5)
 
 
 def test_hard_and_sure_states_give_the_plain_iou():
@@ -50,6 +48,6 @@ def test_straight_through_has_hard_value_and_soft_gradient():
 
 def test_the_total_has_the_weights_of_the_paper():
     logits, distance = torch.randn(2, 50), torch.randn(2, 50)
-    terms = completion_loss(logits, torch.tensor(7.0), distance, None, LossConfig())
+    terms = completion_loss(logits, torch.tensor(7.0), distance, LossConfig())
     expected = terms["bce"] + 0.01 * terms["iou"] + 1e-4 * 7.0
     assert terms["loss"].item() == pytest.approx(expected.item(), rel=1e-6)

@@ -1,5 +1,6 @@
 """`goc osc`: prepare shapes for Object Surface Completion, train its networks, score them."""
 
+import os
 import shlex
 import sys
 from collections.abc import Sequence
@@ -98,7 +99,8 @@ def _train(given: Train, words: Sequence[str]) -> int:
     except KeyboardInterrupt:
         say(f"stopped; the training is on disk. Go on with: {shlex.join(['goc', 'osc', *words])}")
         return STOPPED
-    sys.stdout.write(f"Weights: {weights}. Score them: goc osc eval DATA --weights {weights}\n")
+    if os.environ.get("RANK", "0") == "0":
+        sys.stdout.write(f"Weights: {weights}. Score them: goc osc eval DATA --weights {weights}\n")
     return 0
 
 

@@ -40,12 +40,9 @@ def smooth_occupancy(distance: Float[Tensor, "*shape"], band: float = T_ISO) -> 
     return (0.5 - 0.5 * distance / band).clamp(0.0, 1.0)
 
 
-def occupancy_loss(
-    logits: Float[Tensor, "b q"], distance: Float[Tensor, "b q"], weights: Float[Tensor, "b q"] | None = None
-) -> Float[Tensor, ""]:
-    """L_BCE, Eq. (13): mean binary cross-entropy against smooth labels, weighted where weights are given."""
-    each = functional.binary_cross_entropy_with_logits(logits, smooth_occupancy(distance), reduction="none")
-    return each.mean() if weights is None else (each * weights).sum() / weights.sum().clamp_min(1e-6)
+def occupancy_loss(logits: Float[Tensor, "b q"], distance: Float[Tensor, "b q"]) -> Float[Tensor, ""]:
+    """L_BCE, Eq. (13): mean binary cross-entropy against smooth labels."""
+    return functional.binary_cross_entropy_with_logits(logits, smooth_occupancy(distance))
 
 
 def iou_loss(logits: Float[Tensor, "b q"], distance: Float[Tensor, "b q"], config: LossConfig) -> Float[Tensor, ""]:
@@ -67,11 +64,10 @@ def completion_loss(
     logits: Float[Tensor, "b q"],
     divergence: Float[Tensor, ""],
     distance: Float[Tensor, "b q"],
-    weights: Float[Tensor, "b q"] | None,
     config: LossConfig,
 ) -> dict[str, Float[Tensor, ""]]:
     """Eq. (16): the terms, and under "loss" their weighted sum."""
-    terms = {"bce": occupancy_loss(logits, distance, weights), "iou": iou_loss(logits, distance, config)}
+    terms = {"bce": occupancy_loss(logits, distance), "iou": iou_loss(logits, distance, config)}
     terms["kl"] = divergence
     total = config.bce * terms["bce"] + config.iou * terms["iou"] + config.kl * terms["kl"]
     return {"loss": total, **terms}

@@ -81,10 +81,11 @@ def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Pa
     try:
         with stop_signals() as stopped:
             for batch in batches(recipe(config), numbers, config.workers):
-                if spent(config, state) >= 1.0 or stopped.is_set():
+                seconds, stop = _agreed(before + time.monotonic() - started, stopped.is_set(), place)
+                state.seconds = max(seconds, state.seconds)
+                if spent(config, state) >= 1.0 or stop:
                     break
                 figures = step(model, state, batch.to(place.device), config)
-                state.seconds = _agreed(before + time.monotonic() - started, place)
                 if board is None:
                     continue
                 _tell(board, state, figures, config, notify)
@@ -166,7 +167,7 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
     state.network.train()
     with torch.autocast(batch.queries.device.type, torch.bfloat16, enabled=config.optimiser.bf16):
         logits, divergence = model(batch.seen, batch.queries)
-    terms = completion_loss(logits.float(), divergence.float(), batch.distance, None, config.losses)
+    terms = completion_loss(logits.float(), divergence.float(), batch.distance, config.losses)
     if not math.isfinite(terms["loss"].item()):
         raise TrainError(
             f"The loss is not finite at step {state.step}. Lower --optimiser.rate; resume starts before it."
@@ -184,7 +185,8 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
 
 def look(board: Board, state: TrainState, cases: list[Case], config: TrainConfig) -> None:
     """Score the running mean on fixed held-out masks, and picture some of them."""
-    network = state.averaged(build(config.network()))
+    device = next(state.network.parameters()).device
+    network = state.averaged(build(config.network()).to(device))
     fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
     scores = [score(case, field, with_surface=False) for case, field in zip(cases, fields, strict=True)]
     board.scalars(
@@ -246,10 +248,10 @@ def _place() -> Iterator[Place]:
         distributed.destroy_process_group()
 
 
-def _agreed(seconds: float, place: Place) -> float:
-    """The first process's clock, so that all stop after the same step."""
+def _agreed(seconds: float, stop: bool, place: Place) -> tuple[float, bool]:
+    """The first process's clock, and whether any was asked to stop: all go on, or stop, before the same step."""
     if place.world == 1:
-        return seconds
-    clock = torch.tensor([seconds], dtype=torch.float64, device=place.device)
-    distributed.broadcast(clock, 0)
-    return float(clock)
+        return seconds, stop
+    told = torch.tensor([seconds if place.rank == 0 else 0.0, float(stop)], dtype=torch.float64, device=place.device)
+    distributed.all_reduce(told)
+    return float(told[0]), bool(told[1] > 0)
