@@ -95,10 +95,10 @@ def refresh(
 
     Where the fit has no answer the old one stays; a view that has none waits for the next epoch.
     """
-    if frame.depth is None or config.refresh_every <= 0:
+    if frame.depth is None:
         return
     fresh = not torch.isfinite(row[SCALE])
-    if not fresh and epoch < row[EPOCH] + config.refresh_every:
+    if not fresh and (config.refresh_every <= 0 or epoch < row[EPOCH] + config.refresh_every):
         return
     step = max(1, math.isqrt(frame.depth.numel() // _SAMPLES))
     at = (slice(step // 2, None, step),) * 2
