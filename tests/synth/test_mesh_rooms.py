@@ -171,7 +171,8 @@ def test_built_in_furniture_holds_what_a_folder_has_nothing_for(tmp_path):
     assert all(model.bounds[0][2] > 0.1 for model in room.objects.values() if model.name.startswith("block"))
 
 
-def test_misuse_is_refused(tmp_path, meshes, capsys):
+def test_misuse_is_refused(tmp_path, meshes, capsys, monkeypatch):
+    monkeypatch.setattr("goc.synth.mesh_room._ATTEMPTS", 2)
     with pytest.raises(ConfigError, match="no mesh is of use in a room"):
         furnish_with_meshes(0, 6, MeshFolder(folder=meshes.folder, max_m=0.07), ignore)
     with pytest.raises(ConfigError, match="no place found for 30 things"):
