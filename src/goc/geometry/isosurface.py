@@ -16,7 +16,7 @@ def grid_surface(
 ) -> tuple[Float32[np.ndarray, "v 3"], Int32[np.ndarray, "t 3"]]:
     """Zero level by marching cubes, counter-clockwise from the positive side, closed also where the grid ends.
 
-    Watertight by construction: every edge is on exactly two faces, whatever the values (docs/decisions, "compose").
+    Watertight by construction: every edge is on exactly two faces, whatever the values (docs/decisions/0021).
 
     Args:
         values: at origin + voxel · (i, j, k), negative inside.

@@ -30,7 +30,7 @@ def align(
 ) -> Float[Tensor, "2"] | None:
     """Fit k, b: argmin Σ ρ((k·D̂ + b - D) / D), over the samples that are finite in both and positive in `depth`.
 
-    The paper's Eq. for k̂, b̂ has plain squares. Three departures (docs/decisions/mono-alignment.md). ρ is Tukey's
+    The paper's Eq. for k̂, b̂ has plain squares. Three departures (docs/decisions/0024). ρ is Tukey's
     biweight, its scale the median absolute deviation, so that occluded points, blurred edges and surface that is not
     there yet do not bend the fit. Errors are relative, as those of monocular depth are; for kind inverse, those of 1/z.
     And the line is the reduced major axis, k = σ(D) / σ(D̂): both sides are noisy, least squares would flatten the scene

@@ -51,7 +51,7 @@ def inverse_depth(depth: RenderedDepth) -> Float[Tensor, "h w"]:
 
 
 def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, weights: PairWeights) -> Float[Tensor, ""]:
-    """λ_pho·L_pho + λ_geo·L_geo of a view's rendered depth D and one neighbour (docs/decisions/multiview-losses.md).
+    """λ_pho·L_pho + λ_geo·L_geo of a view's rendered depth D and one neighbour (docs/decisions/0016).
 
     D carries each pixel p to a place q in the neighbour. L_pho compares the photograph C with C̃(p), the neighbour's
     photograph at q: the mean of 0.85·(1 - SSIM)/2 + 0.15·|C - C̃| over pixels whose 3×3 block is all in the neighbour's
