@@ -20,6 +20,7 @@ _COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
         ("scene.chamfer", "scene CD", 4),
         ("scene.f_score_0.05", "scene F@5cm", 3),
         ("scene.normal_consistency", "scene NC", 3),
+        ("label_accuracy", "right id", 3),
         ("watertight", "closed", 2),
         ("psnr_db", "PSNR dB", 1),
     ),
@@ -38,8 +39,8 @@ Written by `goc bench`; every figure was measured by it, except the rows marked 
 (other rooms, other hardware: compare the shape, not the level). Lengths in metres. Object columns are means over all
 objects of all rooms in a row, scene columns means over rooms; protocol `goc` of `goc eval`
 (docs/guide/eval.md). *objects* counts those found; a missing one scores F = 0. PSNR on views held out.
-*closed*: share of the objects that are watertight. Times are wall clock, one run at a time, with whatever else the
-machine did meanwhile.
+*right id*: share of the objects' surface that carries its id; *closed*: share of the objects that are watertight.
+Times are wall clock, one run at a time, with whatever else the machine did meanwhile.
 """
 
 
