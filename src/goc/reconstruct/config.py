@@ -164,12 +164,13 @@ class SeedConfig:
 class Monocular:
     """How depth of unknown scale and offset is aligned (captures of depth kind affine or inverse)."""
 
-    refresh_every: int = 1
-    """Epochs between fits of a view's scale and offset to the depth of the splats; 0 keeps those of the start."""
+    settle: bool = True
+    """Before the start, let the depth of each view give way, slowly across the image, until neighbours look alike."""
+    refresh_every: int = 0
+    """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
+    that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
     smoothing: float = 0.5
     """Share of the old scale and offset that a new fit leaves."""
-    bend: bool = True
-    """Let a new fit also follow errors that change slowly across the image; otherwise only the start does."""
 
 
 @dataclass(frozen=True)
