@@ -141,7 +141,7 @@ def test_a_refresh_follows_the_rendered_depth_when_it_is_due(affine):
 def test_a_refresh_without_an_answer_leaves_the_old_one(affine, rendered):
     row = row_of(1.0, 0.1)
     before = row.clone()
-    refresh(row, affine[0], "affine", rendered, 5, Monocular())
+    refresh(row, affine[0], "affine", rendered, 5, Monocular(refresh_every=1))
     assert torch.equal(row, before)
     refresh(row, affine[0], "affine", shown(truth(0)), 5, Monocular(refresh_every=0))
     assert torch.equal(row, before)
@@ -187,8 +187,9 @@ def test_without_any_anchor_it_starts_from_the_points(affine):
     assert torch.isfinite(found.gaussians.means).all()
 
 
-def test_a_stopped_run_resumes_bit_equal(affine, tmp_path):
-    config = replace(QUICK, iterations=40, checkpoint_every=20)
+@pytest.mark.parametrize("every", [0, 1])
+def test_a_stopped_run_resumes_bit_equal(affine, tmp_path, every):
+    config = replace(QUICK, iterations=40, checkpoint_every=20, monocular=Monocular(refresh_every=every))
     whole = reconstruct(affine, config, known_depths=lambda: known(affine))
 
     class Stopped(Exception):

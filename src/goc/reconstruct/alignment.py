@@ -94,7 +94,7 @@ def slow_errors(known: Float[Tensor, "r c"], aligned: Float[Tensor, "r c"]) -> F
         error = (ratio - spread(field, *ratio.shape)).abs()
         sigma = _SIGMA_OF_MAD * error[there].median() + _EXACT
         weight = (1.0 - (error / (_TUKEY * sigma)).square()).clamp_min(0.0).square() * there
-        field = _blurred(weight * ratio) / (_blurred(weight) + _RIDGE)
+        field = cell_means(weight * ratio) / (cell_means(weight) + _RIDGE)
     return field
 
 
@@ -104,8 +104,8 @@ def spread(field: Float[Tensor, "r c"], height: int, width: int) -> Float[Tensor
     return torch.nn.functional.interpolate(field[None, None], size, mode="bilinear", align_corners=False)[0, 0]
 
 
-def _blurred(image: Float[Tensor, "h w"]) -> Float[Tensor, "12 12"]:
-    """Means over cells, then a binomial blur of five cells."""
+def cell_means(image: Float[Tensor, "h w"]) -> Float[Tensor, "12 12"]:
+    """Means over the cells of the grid, then a binomial blur of five cells."""
     cells = torch.nn.functional.adaptive_avg_pool2d(image[None, None], CELLS)
     taps = torch.tensor([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
     return torch.nn.functional.conv2d(cells, torch.outer(taps, taps)[None, None], padding=2)[0, 0]

@@ -16,8 +16,8 @@ class LossWeights:
     """L_d, Eq. (3): rendered against given depth, per metre. The paper has 0.3 (preset paper)."""
     depth_normal: float = 0.1
     """L_dn, Eq. (4): normals of the rendered depth against those of the given depth."""
-    photometric: float = 0.3
-    """L_pho, Eq. (5): a neighbour's photograph, fetched by the rendered depth, against the view's."""
+    photometric: float = 0.0
+    """L_pho, Eq. (5): a neighbour's photograph, fetched by the rendered depth, against the view's (paper: 0.3)."""
     geometric: float = 0.0
     """L_geo: pixels carried to a neighbour's surface and back, against where they started (paper: 0.3)."""
     identity: float = 0.1
@@ -164,13 +164,13 @@ class SeedConfig:
 class Monocular:
     """How depth of unknown scale and offset is aligned (captures of depth kind affine or inverse)."""
 
+    settle: bool = True
+    """Before the start, let the depth of each view give way, slowly across the image, until neighbours look alike."""
     refresh_every: int = 0
-    """Epochs between fits of a view's scale and offset to the depth of the splats; 0 fits only views that nothing
-    known aligned at the start. Fits to what the fitted depth itself has shaped drift: measured, they cost a fifth of F."""
+    """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
+    that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
     smoothing: float = 0.5
     """Share of the old scale and offset that a new fit leaves."""
-    bend: bool = True
-    """Let a new fit also follow errors that change slowly across the image; otherwise only the start does."""
 
 
 @dataclass(frozen=True)

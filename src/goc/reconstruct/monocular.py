@@ -22,7 +22,8 @@ from goc.scene.capture import Capture, DepthKind, Frame, PointCloud
 
 ALIGNMENT = "alignment"
 SCALE, OFFSET, EPOCH, SHAPE = range(4)
-ROW = 4 + CELLS * CELLS
+GRID = slice(4, 4 + CELLS * CELLS)
+ROW = GRID.stop
 KnownDepths = Mapping[int, tuple[Camera, Float[Tensor, "_h _w"]]]
 """Depth of views that is known before there are splats: z, scene units, NaN = none, and the camera of its raster."""
 
@@ -70,7 +71,7 @@ def aligned_frame(frame: Frame, row: Float[Tensor, "r"], kind: DepthKind) -> Fra
 
 
 def _bent(row: Float[Tensor, "r"], depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
-    return depth * (1.0 + spread(row[4:].view(CELLS, CELLS), *depth.shape))
+    return depth * (1.0 + spread(row[GRID].view(CELLS, CELLS), *depth.shape))
 
 
 def aligned_capture(capture: Capture, rows: Float[Tensor, "n r"]) -> Capture:
@@ -95,25 +96,23 @@ def refresh(
 
     Where the fit has no answer the old one stays; a view that has none waits for the next epoch.
     """
-    if frame.depth is None:
-        return
     fresh = not torch.isfinite(row[SCALE])
-    if not fresh and (config.refresh_every <= 0 or epoch < row[EPOCH] + config.refresh_every):
+    due = fresh or (config.refresh_every > 0 and epoch >= row[EPOCH] + config.refresh_every)
+    if frame.depth is None or not due:
         return
     step = max(1, math.isqrt(frame.depth.numel() // _SAMPLES))
     at = (slice(step // 2, None, step),) * 2
     seen = (shown.alpha[at] > _MIN_ALPHA) & (shown.denominator[at] > 1e-6)
     depth = torch.where(seen, shown.numerator[at] / shown.denominator[at], torch.nan)
     stored = frame.depth[at]
-    field = spread(row[4:].view(CELLS, CELLS), *stored.shape)
+    field = spread(row[GRID].view(CELLS, CELLS), *stored.shape)
     line = align(stored.reshape(-1), (depth if fresh else depth / (1.0 + field)).reshape(-1), kind)
     if line is None:
         return
     kept = 0.0 if fresh else config.smoothing
     row[:2] = line if fresh else kept * row[:2] + (1.0 - kept) * line
-    if fresh or config.bend:
-        errors = slow_errors(depth, aligned_depth(stored, row[:2], kind)).reshape(-1)
-        row[4:] = errors if fresh else kept * row[4:] + (1.0 - kept) * errors
+    if fresh:
+        row[GRID] = slow_errors(depth, aligned_depth(stored, line, kind)).reshape(-1)
     row[EPOCH] = float(epoch)
     shape = row[OFFSET] / row[SCALE]
     size = frame.depth[at].nanmedian() + shape

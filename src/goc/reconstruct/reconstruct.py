@@ -20,6 +20,7 @@ from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
 from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
+from goc.reconstruct.settle import settled
 from goc.reconstruct.state import State, initial_state
 from goc.reconstruct.stereo import stereo_depths
 from goc.reconstruct.task import Task
@@ -96,7 +97,7 @@ def _reconstruct(
 
     def begin() -> State:
         known = known_depths or (lambda: _stereo_depths(capture, train, config, notify))
-        seen, remembered = _aligned(capture, train, known, notify)
+        seen, remembered = _aligned(capture, train, known, config, notify)
         gaussians = seed(seen, train, config, notify)
         state = _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
         state.views |= remembered
@@ -123,12 +124,18 @@ def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify
 
 
 def _aligned(
-    capture: Capture, views: list[int], known: Callable[[], KnownDepths], notify: Listener
+    capture: Capture,
+    views: list[int],
+    known: Callable[[], KnownDepths],
+    config: ReconstructConfig,
+    notify: Listener,
 ) -> tuple[Capture, dict[str, Tensor]]:
     """The capture with depth to seed from, and what is to be remembered of its views."""
     if not capture.has_depth or capture.has_metric_depth:
         return capture, {}
     rows = start_alignment(capture, views, known(), notify)
+    if config.monocular.settle:
+        rows = settled(capture, views, rows, notify)
     return aligned_capture(capture, rows), {ALIGNMENT: rows}
 
 

@@ -1,0 +1,141 @@
+"""Slow errors of monocular depth, read off the photographs: depth gives way until neighbouring views look alike.
+
+Stereo must decide on every pixel by itself; here a whole cell of a view's grid moves as one, with the shape that the
+network saw. So a white wall's faint shading adds up, and no window straddles an edge.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+from torch.nn import functional as F  # noqa: N812
+
+from goc.events import Listener, Progress
+from goc.geometry.neighbours import PairLimits, neighbour_views
+from goc.geometry.rays import points_from_depth
+from goc.reconstruct.alignment import CELLS, cell_means
+from goc.reconstruct.monocular import GRID, SCALE, aligned_frame
+from goc.scene.camera import Camera
+from goc.scene.capture import Capture, Frame
+
+_SIDE_PX = 192
+_STEPS = (0.02, 0.015, 0.01, 0.01)
+"""Share of the depth over which each round takes its slopes: about one pixel of parallax."""
+_SLACK = 0.5
+"""Share of the squared slopes that holds a cell back: with all of them it takes ten rounds to settle (measured)."""
+_LARGEST = 0.03
+_RIDGE = 5.0
+"""Squared slope (contrast a share of depth) at which photographs and start are trusted alike: (0.3 / 0.02)² over some
+40 independent pixels a cell, for contrast that differs by 0.3 and a start that is off by 2 %."""
+_NEIGHBOURS = 8
+_MAX_ANGLE_DEG, _BASELINES_M, _DEPTHS_M = 45.0, (0.15, 1.5), (1.0, 2.0, 4.0)
+_WINDOW_PX = 7
+_FLOOR = 1.5
+"""Contrast, grey levels, that counts as half of what noise could be."""
+_DIFFERENT = 0.5
+"""Normalised grey levels by which a pixel may differ before it counts for little."""
+_ONE_SURFACE = 0.1
+"""Depths within this share of each other show one surface."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """A view on a raster of at most 192 pixels."""
+
+    frame: Frame
+    """With depth as stored."""
+    grey: Float[Tensor, "h w"]
+    """Local contrast: zero mean and unit deviation in each window."""
+
+
+def settled(capture: Capture, views: list[int], rows: Float[Tensor, "n r"], notify: Listener) -> Float[Tensor, "n r"]:
+    """Refine the slow errors of aligned views until their surfaces look alike in their neighbours (Gauss-Newton).
+
+    Args:
+        capture: its depth is affine or inverse.
+        views: which take part; those that are not aligned do not.
+        rows: alignments, as `start_alignment` makes them.
+        notify: hears Progress.
+
+    Returns:
+        The rows with other slow errors; scales and offsets stay.
+    """
+    rows = rows.clone()
+    seen = {view: _view(capture[view]) for view in views if torch.isfinite(rows[view, SCALE])}
+    if not seen:
+        return rows
+    near, far = (length * capture.unit for length in _BASELINES_M)
+    depths_m = tuple(depth * capture.unit for depth in _DEPTHS_M)
+    limits = PairLimits(max_angle_deg=_MAX_ANGLE_DEG, min_baseline=near, max_baseline=far, depths=depths_m)
+    around = neighbour_views(capture.cameras, list(seen), _NEIGHBOURS, limits)
+    start = rows[:, GRID].clone()
+    for number, step in enumerate(_STEPS):
+        kind = capture.depth_kind
+        frames = {view: aligned_frame(item.frame, rows[view], kind) for view, item in seen.items()}
+        for done, view in enumerate(seen, 1):
+            others = [(seen[other], frames[other]) for other in around[view]]
+            pull, hold = _evidence(seen[view], frames[view], others, step)
+            moved = (rows[view, GRID] - start[view]).view(CELLS, CELLS)
+            field = ((pull - _RIDGE * moved) / (_SLACK * hold + _RIDGE)).clamp(-_LARGEST, _LARGEST).reshape(-1)
+            rows[view, GRID] = (1.0 + rows[view, GRID]) * (1.0 + field) - 1.0
+            notify(Progress(stage="align", done=number * len(seen) + done, total=len(_STEPS) * len(seen)))
+    return rows
+
+
+def _view(frame: Frame) -> _View:
+    camera = frame.camera
+    scale = min(1.0, _SIDE_PX / max(camera.width, camera.height))
+    camera = camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
+    size = (camera.height, camera.width)
+    image = F.interpolate(frame.image.permute(2, 0, 1)[None].float(), size, mode="area")
+    assert frame.depth is not None
+    depth = F.interpolate(frame.depth[None, None], size, mode="nearest-exact")[0, 0]
+    colours = image[0].permute(1, 2, 0).round().to(torch.uint8)
+    return _View(frame=Frame(camera=camera, image=colours, depth=depth), grey=_normalised(image.mean(1)[0]))
+
+
+def _normalised(grey: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
+    side = _WINDOW_PX // 2
+    padded = F.pad(grey[None, None], (side,) * 4, mode="replicate")
+    mean = F.avg_pool2d(padded, _WINDOW_PX, 1)
+    deviation = (F.avg_pool2d(padded.square(), _WINDOW_PX, 1) - mean.square()).clamp_min(0.0).sqrt()
+    return ((grey - mean) / (deviation + _FLOOR))[0, 0]
+
+
+def _evidence(
+    view: _View, shown: Frame, others: Sequence[tuple[_View, Frame]], step: float
+) -> tuple[Float[Tensor, "12 12"], Float[Tensor, "12 12"]]:
+    """Of each cell: -Σ slope · error and Σ slope², a pixel, whose ratio is by which share its depth should grow."""
+    assert shown.depth is not None
+    pull, hold = torch.zeros_like(shown.depth), torch.zeros_like(shown.depth)
+    for other, surface in others:
+        assert surface.depth is not None
+        here, z = _projected(shown.depth, shown.camera, surface.camera)
+        seen = F.grid_sample(surface.depth.nan_to_num(0.0)[None, None], here, mode="nearest", align_corners=False)
+        visible = ((seen[0, 0] / z - 1.0).abs() < _ONE_SURFACE) & (here[0].abs() < 1.0).all(-1)
+        beyond, before = (_projected(shown.depth * s, shown.camera, surface.camera)[0] for s in (1 + step, 1 - step))
+        error = _sampled(other.grey, here) - view.grey
+        slope = (_sampled(other.grey, beyond) - _sampled(other.grey, before)) / (2.0 * step)
+        trust = visible / (1.0 + (error / _DIFFERENT).square()).square()
+        pull -= trust * slope * error
+        hold += trust * slope.square()
+    return cell_means(pull), cell_means(hold)
+
+
+def _projected(
+    depth: Float[Tensor, "h w"], camera: Camera, other: Camera
+) -> tuple[Float[Tensor, "1 h w 2"], Float[Tensor, "h w"]]:
+    """Where another camera sees each pixel's point, -1 to 1 across its image (9 if nowhere), and at which z."""
+    pose = other.cam_from_world
+    points = points_from_depth(depth, camera) @ pose[:3, :3].T + pose[:3, 3]
+    z = points[..., 2]
+    px = points[..., :2] / z[..., None] * other.focal_px + other.centre_px
+    inside = px / torch.tensor([other.width, other.height]) * 2.0 - 1.0
+    met = torch.isfinite(inside).all(-1) & (z > 0)
+    return torch.where(met[..., None], inside, 9.0).clamp(-9.0, 9.0)[None], z
+
+
+def _sampled(image: Float[Tensor, "r c"], at: Float[Tensor, "1 h w 2"]) -> Float[Tensor, "h w"]:
+    return F.grid_sample(image[None, None], at, align_corners=False, padding_mode="border")[0, 0]
