@@ -99,7 +99,8 @@ def test_a_run_that_fails_stops_no_other(faked):
     config, done, broken, folder = faked
     broken.append("masks")
     heard = []
-    with pytest.raises(BenchError, match=r"3 of 8 runs failed \(first: den-full-masks-carve-\w+: goc carve ended with 5\)"):
+    told = r"3 of 8 runs failed \(first: den-full-masks-carve-\w+: goc carve ended with 5\)"
+    with pytest.raises(BenchError, match=told):
         bench(config, folder / "out", folder / "b.md", "goc bench", heard.append)
     assert sum(isinstance(event, Warned) for event in heard) == 3
     assert done and "| voted, 10 % of the masks spoiled | – |" in (folder / "b.md").read_text()

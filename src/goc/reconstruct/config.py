@@ -16,8 +16,8 @@ class LossWeights:
     """L_d, Eq. (3): rendered against given depth, per metre. The paper has 0.3 (preset paper)."""
     depth_normal: float = 0.1
     """L_dn, Eq. (4): normals of the rendered depth against those of the given depth."""
-    photometric: float = 0.0
-    """L_pho, Eq. (5): a neighbour's photograph, fetched by the rendered depth, against the view's (paper: 0.3)."""
+    photometric: float = 0.3
+    """L_pho, Eq. (5): a neighbour's photograph, fetched by the rendered depth, against the view's."""
     geometric: float = 0.0
     """L_geo: pixels carried to a neighbour's surface and back, against where they started (paper: 0.3)."""
     identity: float = 0.1
