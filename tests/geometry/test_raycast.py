@@ -156,3 +156,15 @@ def test_the_binding_refuses_what_would_read_outside_an_array():
         bvh.occluded(np.zeros((2, 3)), np.ones((3, 3)), np.ones(2), np.zeros(2, bool))
     with pytest.raises(TypeError):
         bvh.occluded(np.zeros((2, 2)), np.ones((2, 2)), np.ones(2), np.zeros(2, bool))
+
+
+def test_a_lattice_round_a_box_modelled_on_it_has_the_right_sides():
+    """Edges count once: a ray that runs exactly through one would find both its faces."""
+    corners, faces = cube(0.5)
+    scene = TriangleScene(corners * np.array([2, 1, 1], np.float32), faces)
+    axis = np.arange(-20, 21) / 12
+    points = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1).reshape(-1, 3)
+    beyond = np.abs(points) / [1, 0.5, 0.5]
+    winding = scene.winding(points)
+    assert (winding[(beyond > 1.001).any(-1)] == 0).all()
+    assert (winding[(beyond < 0.999).all(-1)] == 1).all()

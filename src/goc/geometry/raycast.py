@@ -7,8 +7,9 @@ from jaxtyping import Bool, Float, Float32, Float64, Int32
 
 from goc._native import TriangleBvh
 
-_ASKEW = np.array([0.2672612419, 0.5345224838, 0.8017837257])
-"""A direction that no lattice has: no ray runs along the faces or edges of something modelled on one."""
+_ASKEW = np.array([0.2770466965, 0.4896321036, 0.8267439332])
+"""A direction with irrational ratios, which no lattice has: from a point of one, no ray meets an edge of what is
+modelled on it, where both its faces would count."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -20,9 +20,6 @@ _SAMPLES = 60_000
 """Places where the thickness of a mesh is looked at."""
 _HALF_SHEET = 0.6
 """Half the thickness that single sheets and thinner walls are given, voxels: less would fall through the grid."""
-_HAIR = np.array([3.1e-4, 4.7e-4, 7.3e-4])
-"""By how much, in voxels, points are moved before they are asked for their side: a ray from a point of the lattice
-through the very edge of a box may count it twice."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -75,7 +72,7 @@ def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
     closed = is_closed(mesh) and abs(signed_volume(mesh)) > 1e-6
     points = grid.points()
     if closed:
-        inside = (scene.winding(points + _HAIR * voxel) != 0).reshape(shape)
+        inside = (scene.winding(points) != 0).reshape(shape)
     else:
         inside = _inside_by_views(scene, mesh, grid)
     distance = _distance(scene, points, grid)
