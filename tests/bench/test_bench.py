@@ -67,7 +67,7 @@ def test_every_suite_names_its_runs_apart():
     tables = plan(BenchConfig(), ["den", "hall"])
     runs = {run for table in tables for row in table.rows for run in row.runs}
     assert len({run.name for run in runs}) == len(runs)
-    assert {run.input for run in runs} == {"exact", "kinect", "monocular", "photographs", "masks"}
+    assert {run.input for run in runs} == {"exact", "kinect", "affine", "monocular", "photographs", "masks"}
     assert {table.paper for table in tables} >= {"table1", "table2", "table4"}
 
 

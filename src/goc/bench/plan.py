@@ -11,9 +11,10 @@ from goc.errors import CaptureError
 
 Views = Literal["full", "sparse"]
 TRANSFORMS: dict[Views, str] = {"full": "transforms.json", "sparse": "transforms_sparse.json"}
-Input = Literal["exact", "kinect", "monocular", "photographs", "masks"]
-"""exact: depth and ids as rendered. kinect: noisy depth. monocular: depth without scale and offset. photographs: no
-depth. masks: a tenth of the masks of each view spoiled."""
+Input = Literal["exact", "kinect", "affine", "monocular", "photographs", "masks"]
+"""exact: depth and ids as rendered. kinect: noisy depth. affine: depth without scale and offset, blurred and noisy.
+monocular: slow errors of 3 % on top, as networks make them. photographs: no depth. masks: a tenth of each view's masks
+spoiled."""
 Kind = Literal["geometry", "labels"]
 
 SIX_LOSSES = {"depth": 0.3, "depth_normal": 0.1, "photometric": 0.3, "geometric": 0.3}
@@ -148,7 +149,8 @@ def _sensors(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> 
     rows = [
         _row("exact depth", rooms, "full", common),
         _row("depth of a structured-light sensor", rooms, "full", (*common, *_OPEN), input="kinect"),
-        _row("monocular depth only", rooms, "full", (*common, *_OPEN), input="monocular"),
+        _row("affine depth: no scale, no offset, blur, noise", rooms, "full", (*common, *_OPEN), input="affine"),
+        _row("affine depth with slow errors of 3 %", rooms, "full", (*common, *_OPEN), input="monocular"),
         _row("photographs only", rooms, "full", (*common, *_OPEN, "--capture.no-use-depth"), input="photographs"),
     ]
     note = "Full observation, given ids, preset fast; what kind of depth there is, differs."
