@@ -41,6 +41,7 @@ objects of all rooms in a row, scene columns means over rooms; protocol `goc` of
 (docs/guide/eval.md). *objects* counts those found; a missing one scores F = 0. PSNR on views held out.
 *right id*: share of the objects' surface that carries its id; *closed*: share of the objects that are watertight.
 Times are wall clock, one run at a time, with whatever else the machine did meanwhile.
+A dash is a run without a result yet.
 """
 
 
