@@ -4,7 +4,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from goc.capture import CaptureConfig, load_capture
-from goc.complete import CompleteConfig, complete_objects
+from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
 from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
@@ -62,6 +62,7 @@ def carve(
         GocError: a subclass for each stage. What was in `out` is then as it was before.
     """
     config = config or PRESETS["fast"]
+    check_completion(config.complete)
     run = RunRecord(notify)
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):

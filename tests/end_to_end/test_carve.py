@@ -11,7 +11,8 @@ import pytest
 
 from captures import LABELS, LENS, OBJECTS, ROOM_BOX, poses, see, write_nerfstudio
 from goc.capture import CaptureConfig
-from goc.errors import ExportError, ReconstructError
+from goc.complete import CompleteConfig
+from goc.errors import ExportError, FileError, ReconstructError
 from goc.events import Progress, ignore
 from goc.export import ExportConfig, Report
 from goc.extract import ExtractConfig
@@ -193,3 +194,12 @@ def carve_again(capture, out):
     with pytest.raises(ExportError) as refused:
         carve(capture, out, TINY, ignore)
     return "holds a stopped run" if "holds a stopped run" in str(refused.value) else str(refused.value)
+
+
+def test_weights_that_are_not_there_are_told_before_the_work(tmp_path):
+    room = write_nerfstudio(tmp_path / "room", views=8)
+    config = replace(TINY, complete=CompleteConfig(method="lite", weights=tmp_path / "none.safetensors"))
+    heard = []
+    with pytest.raises(FileError, match=r"none\.safetensors"):
+        carve(room, tmp_path / "out", config, heard.append)
+    assert heard == [] and not (tmp_path / "out").exists()

@@ -81,7 +81,7 @@ def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, i
     values = [result.completed if row.completed else result.values for result in found]
     cells = [_shown(_mean([of_run.get(key) for of_run in values]), digits) for key, _, digits in columns]
     objects = f"{sum(result.found for result in found)} of {sum(result.objects for result in found)}"
-    minutes = _shown(_mean([result.seconds / 60 for result in found]), 1)
+    minutes = _shown(_mean([_minutes(result.seconds) for result in found]), 1)
     gigabytes = _shown(_mean([_gigabytes(result.peak_memory_mb) for result in found]), 2)
     return "| " + " | ".join([row.label, *cells, objects, minutes, gigabytes]) + " |"
 
@@ -89,6 +89,10 @@ def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, i
 def _theirs(quoted: Quoted, columns: tuple[tuple[str, str, int], ...]) -> str:
     cells = [_shown(quoted.values.get(key), 4) for key, _, _ in columns]
     return "| " + " | ".join([f"*paper:* {quoted.label}", *cells, "", quoted.time, ""]) + " |"
+
+
+def _minutes(seconds: float | None) -> float | None:
+    return None if seconds is None else seconds / 60
 
 
 def _gigabytes(megabytes: float | None) -> float | None:

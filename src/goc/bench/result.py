@@ -14,8 +14,8 @@ class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Of goc's source tree, with + where it had changes; empty outside of one."""
     created: str
     """UTC, ISO 8601."""
-    seconds: float
-    """Wall clock."""
+    seconds: float | None
+    """Wall clock; null where a stopped run went on, whose first part nobody timed."""
     peak_memory_mb: float | None
     """MB = 10⁶ bytes; null where the run had no process of its own."""
     objects: int

@@ -52,9 +52,10 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
     own.mkdir(parents=True, exist_ok=True)
     source = capture / TRANSFORMS[run.views]
     command = ["goc", "carve", str(source), "--out", str(own / _CARVED), *run.words]
+    resumes = is_stopped_run(own / _CARVED)
     started = time.perf_counter()
     if run.method == "carve":
-        _carve(command[1:], own)
+        _carve([*command[1:], "--resume" if resumes else "--overwrite"], own)
     else:
         _fuse(source, own / _CARVED)
     seconds = time.perf_counter() - started
@@ -70,7 +71,7 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
         command=shlex.join(command) if run.method == "carve" else f"fused {source}",
         commit=source_commit(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
-        seconds=round(seconds, 1),
+        seconds=None if resumes else round(seconds, 1),
         peak_memory_mb=None if report is None else report.peak_memory_mb,
         objects=scores.counts.objects,
         found=scores.counts.found,
@@ -83,10 +84,9 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
 
 def _carve(words: list[str], own: Path) -> None:
     """In a process of its own, so that time and memory are the command's."""
-    again = ["--resume"] if is_stopped_run(own / _CARVED) else ["--overwrite"]
     with (own / _LOG).open("a", encoding="utf-8") as log:
         done = subprocess.run(
-            [sys.executable, "-m", "goc.cli", *words, *again], stdout=log, stderr=subprocess.STDOUT, check=False
+            [sys.executable, "-m", "goc.cli", *words], stdout=log, stderr=subprocess.STDOUT, check=False
         )
     if done.returncode:
         last = (own / _LOG).read_text(encoding="utf-8").strip().splitlines()[-1:]

@@ -20,7 +20,7 @@ from goc.complete.partial import (
     partial_of,
 )
 from goc.complete.scan import complete_scan
-from goc.complete.stage import complete_objects, model_fill
+from goc.complete.stage import check_completion, complete_objects, model_fill
 from goc.complete.weights import SHIPPED, Network, build, load_network, save_network
 
 __all__ = [
@@ -41,11 +41,12 @@ __all__ = [
     "OscLite",
     "Partial",
     "PartialBatch",
+    "Refinement",
     "ScanConfig",
     "batch_of",
-    "Refinement",
     "build",
     "cell_centres",
+    "check_completion",
     "complete_objects",
     "complete_scan",
     "compose",

@@ -17,7 +17,7 @@ class CompleteConfig:
     method: Method = "hull"
     """none: objects stay open. hull: whatever no ray contradicts is solid. lite, osc: a network says what is."""
     weights: Path | None = None
-    """The network's weights; left out: those that goc ships (lite)."""
+    """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: float = 0.5
     """Occupancy from which on a network's answer counts as solid, between 0 and 1; the paper's T_b is 0.3."""
     coarse_cells: int = 64
@@ -45,7 +45,7 @@ class ScanConfig:
     method: ScanMethod = "smooth"
     """smooth: as smoothly as the normals ask (Poisson). lite, osc: a network says what is solid."""
     weights: Path | None = None
-    """The network's weights; left out: those that goc ships (lite)."""
+    """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: float = 0.5
     """Occupancy from which on a network's answer counts as solid, between 0 and 1."""
     cells: int = 128

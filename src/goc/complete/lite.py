@@ -1,4 +1,4 @@
-"""OSC-lite: the model that ships. Evidence on a grid in, occupancy anywhere out; made for two cores.
+"""OSC-lite: the small model. Evidence on a grid in, occupancy anywhere out; made for two cores.
 
 A small 3D U-Net (Çiçek et al. 2016) learns what surfaces do locally, a transformer at its coarsest level what objects
 are like as a whole, and an MLP reads occupancy off features interpolated at any point (Peng et al. 2020).

@@ -137,6 +137,16 @@ def narrowed(evidence: EvidenceGrid, band: float) -> EvidenceGrid:
     )
 
 
+def check_completion(config: CompleteConfig) -> None:
+    """Refuse weights that cannot be used, before the work is done that they are for.
+
+    Raises:
+        CompleteError: the weights are missing, or of another network.
+    """
+    if config.method in ("lite", "osc"):
+        network_for(config.method, config.weights)
+
+
 def network_for(method: str, weights: Path | None) -> Completer:
     """The network that a method names, from the weights given, or from those that goc ships.
 

@@ -67,7 +67,7 @@ def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, wei
         weights: λ_pho, λ_geo and what counts as hidden.
     """
     return _Multiview.apply(
-        depth.numerator, depth.denominator, neighbour.inverse_depth, depth.alpha, frame, neighbour, weights
+        depth.numerator, depth.denominator, neighbour.inverse_depth, depth.alpha, (frame, neighbour, weights)
     )
 
 
@@ -85,10 +85,9 @@ class _Multiview(torch.autograd.Function):
         denominator: Tensor,
         inverse: Tensor,
         alpha: Tensor,
-        frame: Frame,
-        neighbour: Neighbour,
-        weights: PairWeights,
+        pair: tuple[Frame, Neighbour, PairWeights],
     ) -> Tensor:
+        frame, neighbour, weights = pair
         images = [image.detach().contiguous() for image in (numerator, denominator, alpha)]
         there = neighbour.camera
         from_view = (there.cam_from_world.double() @ frame.camera.world_from_cam.double())[:3].float().contiguous()
@@ -114,4 +113,4 @@ class _Multiview(torch.autograd.Function):
     def backward(ctx: Any, upstream: Tensor) -> tuple[Tensor | None, ...]:
         gradients, *pulls = ctx.saved_tensors
         pulled = pulls[0] * upstream if pulls else None
-        return gradients[0] * upstream, gradients[1] * upstream, pulled, None, None, None, None
+        return gradients[0] * upstream, gradients[1] * upstream, pulled, None, None
