@@ -135,12 +135,26 @@ def test_the_rate_rises_and_falls_to_nothing():
     assert (np.diff(factors)[11:] < 0).all()
 
 
-def test_workers_give_the_batches_in_order():
-    recipe = Recipe(feed=TINY.feed, masking=TINY.masking, cells=16, data=None, seed=0)
-    here = [recipe.batch(number).queries for number in (3, 5)]
-    there = [batch.queries for batch in batches(recipe, range(3, 7, 2), workers=1)]
-    assert len(there) == 2
-    assert all(torch.equal(a, b) for a, b in zip(here, there, strict=True))
+def first_batches(recipe, first, count, **place):
+    return list(itertools.islice(batches(recipe, first, **place), count))
+
+
+@pytest.mark.parametrize("reuse", [1, 2])
+def test_workers_give_the_batches_in_order(reuse):
+    feed = replace(TINY.feed, reuse=reuse)
+    recipe = Recipe(feed=feed, masking=TINY.masking, cells=16, data=None, seed=0)
+    here = first_batches(recipe, 3, 3, workers=0)
+    there = first_batches(recipe, 3, 3, workers=1)
+    assert all(torch.equal(a.queries, b.queries) for a, b in zip(here, there, strict=True))
+    whole = first_batches(recipe, 0, 6, workers=0)
+    assert all(torch.equal(a.queries, b.queries) for a, b in zip(here, whole[3:], strict=True))
+
+
+def test_processes_have_masks_of_their_own():
+    recipe = Recipe(feed=replace(TINY.feed, reuse=2), masking=TINY.masking, cells=16, data=None, seed=0)
+    mine, theirs = (first_batches(recipe, 0, 8, workers=0, rank=rank, world=2) for rank in (0, 1))
+    evidence = {float(batch.seen.evidence.double().square().sum()) for batch in mine}
+    assert evidence.isdisjoint(float(batch.seen.evidence.double().square().sum()) for batch in theirs)
 
 
 def test_budgets_that_mean_nothing_are_refused():

@@ -2,7 +2,8 @@
 
 import signal
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -12,9 +13,12 @@ from torch.utils.data import DataLoader, Dataset
 from goc import _native
 from goc.training.library import open_library
 from goc.training.masking import MaskConfig
+from goc.training.reuse import deal
 from goc.training.samples import FeedConfig, TrainingBatch, make_batch
 from goc.training.shapes import random_solid
 from goc.training.solids import Solid
+
+_EVER = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -36,32 +40,55 @@ class Recipe:
             return library[int(random.integers(len(library)))]
         return random_solid(random, self.feed.resolution)
 
-    def batch(self, number: int) -> TrainingBatch:
-        """Batch `number`; the same in every run."""
-        return make_batch(self.draw, self.feed, self.masking, self.cells, (self.seed, number))
+    def pool(self, number: int) -> TrainingBatch:
+        """Masks for `reuse`² batches; the same in every run."""
+        times = self.feed.reuse
+        feed = replace(self.feed, batch=self.feed.batch * times, queries=self.feed.queries * times)
+        return make_batch(self.draw, feed, self.masking, self.cells, (self.seed, number))
+
+    def deal(self, pool: TrainingBatch, number: int) -> Iterator[TrainingBatch]:
+        """The batches of pool `number`."""
+        return deal(pool, self.feed.reuse, (self.seed, number, 1))
 
 
-class _Batches(Dataset[TrainingBatch]):
-    """Numbered batches, for torch's workers."""
+class _Pools(Dataset[TrainingBatch]):
+    """Numbered pools, for torch's workers."""
 
     def __init__(self, recipe: Recipe) -> None:
         self.recipe = recipe
 
     def __getitem__(self, number: int) -> TrainingBatch:
-        return self.recipe.batch(number)
+        return self.recipe.pool(number)
 
 
-def batches(recipe: Recipe, numbers: range, workers: int) -> Iterator[TrainingBatch]:
-    """The batches of these numbers in this order, made ahead by `workers` processes; 0 makes them here."""
+def batches(recipe: Recipe, first: int, workers: int, rank: int = 0, world: int = 1) -> Iterator[TrainingBatch]:
+    """The endless stream of batches of one of `world` processes, from step `first` on.
+
+    Args:
+        recipe: what they are made of; the same step has the same batch in every run.
+        first: steps that were taken already.
+        workers: processes that make pools ahead; 0 makes them here.
+        rank: which of the processes: each has pools of its own.
+        world: how many there are.
+    """
+    each = recipe.feed.reuse**2
+    numbers = range(first // each * world + rank, _EVER, world)
+    skipped = first % each
+    for number, pool in zip(numbers, _pools(recipe, numbers, workers), strict=True):
+        yield from islice(recipe.deal(pool, number), skipped, None)
+        skipped = 0
+
+
+def _pools(recipe: Recipe, numbers: range, workers: int) -> Iterator[TrainingBatch]:
     if workers == 0:
-        yield from (recipe.batch(number) for number in numbers)
+        yield from (recipe.pool(number) for number in numbers)
         return
     loader = DataLoader(
-        _Batches(recipe),
+        _Pools(recipe),
         batch_size=None,
         sampler=numbers,
         num_workers=workers,
-        prefetch_factor=3,
+        prefetch_factor=2,
         multiprocessing_context="spawn",  # the kernels' threads do not survive a fork
         worker_init_fn=_alone,
     )

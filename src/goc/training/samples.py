@@ -9,6 +9,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from goc.complete import PartialBatch, evidence_channels
+from goc.errors import ConfigError
 from goc.training.masking import MaskConfig, Masked, mask
 from goc.training.solids import Solid
 
@@ -30,14 +31,21 @@ class FeedConfig:
     """Objects a step and process."""
     masks: int = 2
     """Masks of each shape: shapes are dearer to make than to look at."""
-    queries: int = 8192
-    """Points a network is asked at, for each object."""
+    reuse: int = 4
+    """Batches that each mask takes part in, every time in another pose (1 to 8): a mask costs several steps."""
+    queries: int = 4096
+    """Points a network is asked at, for each object, each time."""
     near: float = 0.5
     """Share of queries near the true surface; the others are uniform where something is to be decided."""
     real: float = 0.4
     """Share of prepared meshes, where there are any; the others are procedural."""
     resolution: int = 96
     """Voxels along the longest side of a procedural shape."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be dealt."""
+        if not 1 <= self.reuse <= 8:
+            raise ConfigError(f"--feed.reuse is {self.reuse}: needs 1 to 8, since gravity leaves eight poses.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -88,7 +96,7 @@ def draw_queries(
     close = masked.cube.model_from_world(surface) + random.normal(0, 1, (near, 3)) * sigma
     close = close[(np.abs(close) <= 1).all(-1)]
     far = _undecided(channels, feed.queries - len(close), random)
-    queries = np.concatenate([close, far]).astype(np.float32)
+    queries = random.permutation(np.concatenate([close, far])).astype(np.float32)  # any part of them is like the whole
     return queries, true_distance(masked, queries)
 
 

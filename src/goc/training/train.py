@@ -36,7 +36,6 @@ STATE, WEIGHTS = "state.safetensors", "weights.safetensors"
 _CELLS_OF_POINTS = 8
 """Cells of the evidence lattice for networks that take points: they look at none of it."""
 _HELD_OUT = 24
-_EVER = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,11 +75,11 @@ def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Pa
     model = network if place.world == 1 else DistributedDataParallel(network)
     board = Board(out, notify) if place.rank == 0 else None
     held_out = _held_out(config) if board else []
-    numbers = range(state.step * place.world + place.rank, _EVER, place.world)
+    stream = batches(recipe(config), state.step, config.workers, place.rank, place.world)
     started, saved, before = time.monotonic(), time.monotonic(), state.seconds
     try:
         with stop_signals() as stopped:
-            for batch in batches(recipe(config), numbers, config.workers):
+            for batch in stream:
                 seconds, stop = _agreed(before + time.monotonic() - started, stopped.is_set(), place)
                 state.seconds = max(seconds, state.seconds)
                 if spent(config, state) >= 1.0 or stop:
