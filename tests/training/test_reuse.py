@@ -3,8 +3,9 @@ import pytest
 import torch
 
 from goc.complete import PartialBatch, cell_centres
+from goc.complete.symmetry import POSES
 from goc.errors import ConfigError
-from goc.training.reuse import SYMMETRIES, deal, posed
+from goc.training.reuse import deal, posed
 from goc.training.samples import FeedConfig, TrainingBatch
 
 CELLS = 8
@@ -37,7 +38,7 @@ def unposed(points, pose):
     return back * [-1, 1, 1] if pose >= 4 else back
 
 
-@pytest.mark.parametrize("pose", range(SYMMETRIES))
+@pytest.mark.parametrize("pose", range(POSES))
 def test_evidence_points_and_queries_turn_together(pose):
     whole = pool(objects=1)
     one = posed(whole, 0, pose, slice(None))

@@ -8,14 +8,10 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
 
 from goc.complete import PartialBatch
+from goc.complete.symmetry import POSES, posed_points, posed_volume
 from goc.training.samples import TrainingBatch
-
-SYMMETRIES = 8
-"""Quarter turns about z, after a mirror in x from the fifth on."""
 
 
 def deal(pool: TrainingBatch, reuse: int, seed: Sequence[int]) -> Iterator[TrainingBatch]:
@@ -28,7 +24,7 @@ def deal(pool: TrainingBatch, reuse: int, seed: Sequence[int]) -> Iterator[Train
     """
     random = np.random.default_rng(list(seed))
     objects = len(pool.queries)
-    poses = np.stack([random.permutation(SYMMETRIES) for _ in range(objects)])
+    poses = np.stack([random.permutation(POSES) for _ in range(objects)])
     for turn in range(reuse):
         for rows in np.split(random.permutation(objects), reuse):
             taken = [posed(pool, int(row), int(poses[row, turn]), slice(turn, None, reuse)) for row in rows]
@@ -44,26 +40,14 @@ def deal(pool: TrainingBatch, reuse: int, seed: Sequence[int]) -> Iterator[Train
 
 
 def posed(pool: TrainingBatch, row: int, pose: int, asked: slice) -> TrainingBatch:
-    """One object of a pool under one of the SYMMETRIES, with some of its queries."""
-    evidence = pool.seen.evidence[row]
-    if pose >= 4:
-        evidence = evidence.flip(1)
+    """One object of a pool in one of the POSES, with some of its queries."""
+    seen = pool.seen
     return TrainingBatch(
         seen=PartialBatch(
-            points=_turned(pool.seen.points[row], pose)[None],
-            normals=_turned(pool.seen.normals[row], pose)[None],
-            evidence=torch.rot90(evidence, pose % 4, (1, 2))[None],
+            points=posed_points(seen.points[row], pose)[None],
+            normals=posed_points(seen.normals[row], pose)[None],
+            evidence=posed_volume(seen.evidence[row], pose)[None],
         ),
-        queries=_turned(pool.queries[row, asked], pose)[None],
+        queries=posed_points(pool.queries[row, asked], pose)[None],
         distance=pool.distance[row, asked][None],
     )
-
-
-def _turned(vectors: Float[Tensor, "p 3"], pose: int) -> Float[Tensor, "p 3"]:
-    """Mirrored in x where the pose asks for it, then turned about z: (x, y) → (−y, x) a quarter."""
-    x, y, z = vectors.unbind(-1)
-    if pose >= 4:
-        x = -x
-    for _ in range(pose % 4):
-        x, y = -y, x
-    return torch.stack([x, y, z], -1)
