@@ -23,7 +23,7 @@ using Image = nb::ndarray<const float, nb::shape<-1, -1>, nb::c_contig, nb::devi
 using Ids = nb::ndarray<const std::int16_t, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
 using Colours = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 using Pinhole = nb::ndarray<const double, nb::shape<16>, nb::c_contig, nb::device::cpu>;
-using Sums = nb::ndarray<float, nb::shape<-1, 8, 8, 8, goc::kSums>, nb::c_contig, nb::device::cpu>;
+using Sums = nb::ndarray<float, nb::shape<goc::kSums, -1, 8, 8, 8>, nb::c_contig, nb::device::cpu>;
 using Values = nb::ndarray<const float, nb::shape<-1, 8, 8, 8>, nb::c_contig, nb::device::cpu>;
 
 template <typename A, typename B>
@@ -32,25 +32,29 @@ void same_size(const A& a, const B& b, const char* what) {
 }
 
 // `pinhole`: fx, fy, cx, cy, then the upper three rows of cam_from_world.
-goc::DepthView depth_view(Image depth, Image slope, Colours colours, Pinhole pinhole) {
+goc::DepthView depth_view(Image depth, Image slope, std::optional<Colours> colours, std::optional<Ids> ids, Pinhole pinhole) {
   same_size(depth, slope, "depth and slope differ in size");
-  same_size(depth, colours, "depth and colours differ in size");
   goc::DepthView view{};
   view.height = static_cast<int>(depth.shape(0)), view.width = static_cast<int>(depth.shape(1));
   const double* p = pinhole.data();
   std::copy(p, p + 2, view.focal), std::copy(p + 2, p + 4, view.centre), std::copy(p + 4, p + 16, view.cam_from_world);
-  view.depth = depth.data(), view.slope = slope.data(), view.colours = colours.data();
-  return view;
-}
-
-void bound_fuse_view(nb::ndarray<const double, nb::shape<5>, nb::c_contig, nb::device::cpu> lattice, Blocks blocks, Image depth,
-               Image slope, Colours colours, Pinhole pinhole, std::optional<Ids> ids, int wanted, Sums sums) {
-  goc::DepthView view = depth_view(depth, slope, colours, pinhole);
+  view.depth = depth.data(), view.slope = slope.data();
+  if (depth.size() < 2) throw std::invalid_argument("an image needs two pixels");  // gather_short, gather_rgb
+  if (colours) {
+    same_size(depth, *colours, "depth and colours differ in size");
+    view.colours = colours->data();
+  }
   if (ids) {
     same_size(depth, *ids, "depth and ids differ in size");
     view.ids = ids->data();
   }
-  if (blocks.shape(0) != sums.shape(0)) throw std::invalid_argument("one set of sums a block");
+  return view;
+}
+
+void bound_fuse_view(nb::ndarray<const double, nb::shape<5>, nb::c_contig, nb::device::cpu> lattice, Blocks blocks, Image depth,
+               Image slope, std::optional<Colours> colours, Pinhole pinhole, std::optional<Ids> ids, int wanted, Sums sums) {
+  const goc::DepthView view = depth_view(depth, slope, colours, ids, pinhole);
+  if (blocks.shape(0) != sums.shape(1)) throw std::invalid_argument("one set of sums a block");
   const double* l = lattice.data();
   const goc::Lattice frame{{l[0], l[1], l[2]}, l[3], l[4]};
   nb::gil_scoped_release unlocked;
@@ -117,7 +121,7 @@ namespace goc {
 void bind_fuse(nb::module_& module) {
   module.attr("FUSE_SUMS") = static_cast<int>(goc::kSums);
   module.def("fuse_view", &bound_fuse_view, nb::arg("lattice"), nb::arg("blocks"), nb::arg("depth"), nb::arg("slope"),
-             nb::arg("colours"), nb::arg("pinhole"), nb::arg("ids").none(), nb::arg("wanted"),
+             nb::arg("colours").none(), nb::arg("pinhole"), nb::arg("ids").none(), nb::arg("wanted"),
              nb::arg("sums").noconvert(), "Add one depth image to the sums of sparse voxel blocks.");
   module.def("depth_slope", &bound_depth_slope, nb::arg("depth"), nb::arg("pinhole"), nb::arg("radius"), nb::arg("agree"),
              nb::arg("fewest"), nb::arg("slope").noconvert(), "Cosine between rays and the surface seen in a depth image.");

@@ -22,13 +22,13 @@ struct DepthView {
   int height, width;
   double focal[2], centre[2];
   double cam_from_world[12];    // upper three rows
-  const float* depth;           // z; NaN = none
+  const float* depth;           // z; NaN = none, which with a slope makes all distances along the ray NaN
   const float* slope;           // cosine between ray and surface normal, (0, 1]; NaN: ignore the pixel
   const std::int16_t* ids;      // null: every pixel is the surface wanted
-  const std::uint8_t* colours;  // rgb
+  const std::uint8_t* colours;  // rgb; null: not wanted
 };
 
-// Adds one view to `sums` (count, 8, 8, 8, kSums). Rays of pixels whose id is `wanted` that end within the truncation
+// Adds one view to `sums` (kSums, count, 8, 8, 8). Rays of pixels whose id is `wanted` that end within the truncation
 // add to distance, weight, views and colour; those of other ids that end there to `other`; rays that pass to `empty`.
 void fuse_view(const Lattice& lattice, const std::int32_t* blocks, std::size_t count, const DepthView& view,
                int wanted, float* sums);

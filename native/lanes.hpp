@@ -120,6 +120,20 @@ struct Target {
   float m[9], t[3];
 };
 
+// A depth image, and how the voxels of a lattice land in it; see fuse.hpp.
+struct FusedView {
+  int width, height;
+  float fx, fy, cx, cy;
+  float step[3][3];            // from a voxel to the next along each axis of the lattice, camera space
+  float voxel, truncation;
+  float fade;                  // 1/(truncation − voxel)
+  float clear;                 // distance beyond which a ray does nothing but pass
+  const float *depth, *slope;
+  const std::int16_t* ids;     // may be null
+  const std::uint8_t* colours; // may be null
+  int wanted;
+};
+
 constexpr float kGreyNoise = 0.4f;  // of 255: windows with less contrast match nothing, and nothing speaks against them
 constexpr int kWindow = 2;          // half-width of the sweep's windows
 
@@ -186,6 +200,9 @@ struct Kernels {
   // 1 − ZNCC in [0, 1] of patches on the planes q + gx·dx + gy·dy of inverse depth; 1 where they land outside.
   void (*patch_costs)(const Patches& patches, const Target& target, const float* q, const float* gx, const float* gy,
                       float* costs);
+  // Adds a view to the sums of the block whose first voxel is at `first`, camera space; sum s of voxel i is at
+  // sums[s·stride + i]. passed: all rays pass through all of it.
+  void (*fuse_block)(const FusedView& view, const float* first, bool passed, float* sums, std::size_t stride);
 };
 
 constexpr int kSsimRadius = 5;  // 11 taps, sigma 1.5 pixels (Wang et al. 2004)

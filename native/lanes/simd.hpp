@@ -34,6 +34,9 @@ struct Lanes {
 struct Mask {
   IntPart part[kParts];  // all ones or all zeros a lane
 };
+struct IntLanes {
+  IntPart part[kParts];
+};
 
 // Does something with every part. Written out, not a loop: GCC takes a struct of vectors apart into registers only
 // where the indices are constants early on; in a loop every operation goes through memory (backward 2.6× slower on AVX2).
@@ -77,6 +80,8 @@ GOC_INLINE Mask operator>=(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.pa
 GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
 GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
 GOC_INLINE Mask operator&(Mask a, Mask b) { GOC_EACH(a.part[p] &= b.part[p]) return a; }
+GOC_INLINE Mask operator|(Mask a, Mask b) { GOC_EACH(a.part[p] |= b.part[p]) return a; }
+GOC_INLINE Mask operator~(Mask a) { GOC_EACH(a.part[p] = ~a.part[p]) return a; }
 
 GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
   GOC_EACH(yes.part[p] = m.part[p] ? yes.part[p] : no.part[p])
@@ -157,6 +162,79 @@ GOC_INLINE std::uint32_t bits(Mask m) {
   return out;
 }
 
+GOC_INLINE IntLanes operator+(IntLanes a, IntLanes b) { GOC_EACH(a.part[p] += b.part[p]) return a; }
+GOC_INLINE IntLanes operator*(IntLanes a, int b) { GOC_EACH(a.part[p] *= b) return a; }
+GOC_INLINE IntLanes operator&(IntLanes a, int b) { GOC_EACH(a.part[p] &= b) return a; }
+GOC_INLINE IntLanes operator<<(IntLanes a, int b) { GOC_EACH(a.part[p] <<= b) return a; }
+GOC_INLINE IntLanes operator>>(IntLanes a, int b) { GOC_EACH(a.part[p] >>= b) return a; }
+GOC_INLINE Mask operator==(IntLanes a, IntLanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
+GOC_INLINE Mask operator==(IntLanes a, int b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b) return m; }
+GOC_INLINE Mask operator>=(IntLanes a, int b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
+// Towards zero; x must fit.
+GOC_INLINE IntLanes truncate(Lanes x) {
+  IntLanes out;
+  GOC_EACH(out.part[p] = __builtin_convertvector(x.part[p], IntPart))
+  return out;
+}
+GOC_INLINE Lanes to_float(IntLanes x) {
+  Lanes out;
+  GOC_EACH(out.part[p] = __builtin_convertvector(x.part[p], Part))
+  return out;
+}
+
+GOC_INLINE IntPart bits_of(Part x) {
+  IntPart out;
+  __builtin_memcpy(&out, &x, sizeof out);
+  return out;
+}
+GOC_INLINE Part part_of(IntPart x) {
+  Part out;
+  __builtin_memcpy(&out, &x, sizeof out);
+  return out;
+}
+
+// from + bytes·index of the lanes in the mask, four bytes each, which need not be aligned; `no` of the others, whose
+// memory is not touched.
+template <int bytes>
+GOC_INLINE IntPart part_gather(const void* from, IntPart index, IntPart mask, IntPart no) {
+#if defined(__AVX512F__)
+  return (IntPart)_mm512_mask_i32gather_epi32((__m512i)no, (__mmask16)part_bits(mask), (__m512i)index, from, bytes);
+#elif defined(__AVX2__)
+  return (IntPart)_mm256_mask_i32gather_epi32((__m256i)no, (const int*)from, (__m256i)index, (__m256i)mask, bytes);
+#else
+  for (int l = 0; l < kWidth; ++l)
+    if (mask[l]) {
+      std::int32_t word;
+      __builtin_memcpy(&word, (const char*)from + (std::ptrdiff_t)bytes * index[l], sizeof word);
+      no[l] = word;
+    }
+  return no;
+#endif
+}
+GOC_INLINE Lanes gather(const float* from, IntLanes index, Mask mask, Lanes no) {
+  GOC_EACH(no.part[p] = part_of(part_gather<4>(from, index.part[p], mask.part[p], bits_of(no.part[p]))))
+  return no;
+}
+// Element index[l] in the lower half of lane l, the one after it in the upper; 0 outside the mask.
+GOC_INLINE IntLanes gather_pair(const std::int16_t* from, IntLanes index, Mask mask) {
+  GOC_EACH(index.part[p] = part_gather<2>(from, index.part[p], mask.part[p], IntPart{}))
+  return index;
+}
+// Elements of a narrow array, which has four bytes at least. The word read ends with the element, so that nothing past
+// the array is touched; that of element 0 starts with it.
+GOC_INLINE IntLanes gather_short(const std::int16_t* from, IntLanes index, Mask mask) {
+  GOC_EACH(const IntPart start = index.part[p] == 0; const IntPart before = index.part[p] - 1 - start;
+           const IntPart word = part_gather<2>(from, before, mask.part[p], IntPart{});
+           index.part[p] = (start ? word << 16 : word) >> 16;)
+  return index;
+}
+// Three bytes each: the first in the lowest eight bits.
+GOC_INLINE IntLanes gather_rgb(const std::uint8_t* from, IntLanes index, Mask mask) {
+  GOC_EACH(const IntPart start = index.part[p] == 0; const IntPart before = 3 * index.part[p] - 1 - start;
+           const IntPart word = part_gather<1>(from, before, mask.part[p], IntPart{});
+           index.part[p] = (start ? word : word >> 8) & 0xffffff;)
+  return index;
+}
 typedef float Quad __attribute__((vector_size(16)));
 GOC_INLINE Quad load_quad(const float* from) {
   Quad out;
@@ -288,17 +366,6 @@ GOC_INLINE Lanes exp2_above_minus_8(Lanes x) {
   e = e * e;
   e = e * e;
   return e * e;
-}
-
-GOC_INLINE IntPart bits_of(Part x) {
-  IntPart out;
-  __builtin_memcpy(&out, &x, sizeof out);
-  return out;
-}
-GOC_INLINE Part part_of(IntPart x) {
-  Part out;
-  __builtin_memcpy(&out, &x, sizeof out);
-  return out;
 }
 
 // 2^x, relative error 2e-7; x counts as within [-126, 126].

@@ -1,5 +1,9 @@
 """The fusion kernel against its slow twin, and against closed forms."""
 
+import subprocess
+import sys
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -40,8 +44,76 @@ def test_kernel_and_twin_agree(views, wanted):
     assert expected[..., fusion.WEIGHT].any() and expected[..., fusion.EMPTY].any()
     assert wanted is None or expected[..., fusion.OTHER].any()
     # float32 positions may put a voxel on the other side of a pixel's rim: one in a thousand, no more
-    off = ~np.isclose(volume.sums, expected, rtol=2e-3, atol=1e-4).all(axis=-1)
+    off = ~np.isclose(sums_last(volume), expected, rtol=2e-3, atol=1e-4).all(axis=-1)
     assert off.mean() < 1e-3
+
+
+def sums_last(volume):
+    """(b 8 8 8 s), as the twin has them."""
+    return np.moveaxis(volume.sums, 0, -1)
+
+
+def test_blocks_before_and_behind_everything_agree_with_the_twin(views):
+    view = views[2]
+    position, axis = view.world_from_cam[:, 3], view.world_from_cam[:, 2]  # from the camera to behind the wall
+    at = lattice(np.floor((position + np.arange(0.3, 5.6, 0.35)[:, None] * axis) / (8 * VOXEL)))
+    volume = Volume(at)
+    volume.add(view, 1)
+    expected = fusion.fuse_view(at.origin, at.voxel, at.truncation, at.blocks, view, 1)
+    off = ~np.isclose(sums_last(volume), expected, rtol=2e-3, atol=1e-4).all(axis=-1)
+    assert off.mean() < 1e-3
+    empty = expected[..., fusion.EMPTY].reshape(len(expected), -1)
+    assert (empty > 0).all(axis=1).any() and not empty[-1].any()
+
+
+def test_a_pixel_with_a_slope_but_no_depth_makes_its_ray_unknown(views):
+    at = lattice([(0, 2, 3), (0, 1, 2)])
+    holes = np.random.default_rng(3).random(views[0].depth.shape) < 0.05
+    view = replace(views[0], depth=np.where(holes, np.float32(np.nan), views[0].depth))
+    volume = Volume(at)
+    volume.add(view, None)
+    expected = fusion.fuse_view(at.origin, at.voxel, at.truncation, at.blocks, view, None)
+    off = ~np.isclose(sums_last(volume), expected, rtol=2e-3, atol=1e-4, equal_nan=True).all(axis=-1)
+    assert np.isnan(expected).any() and not np.isnan(expected).all()
+    assert off.mean() < 1e-3
+
+
+def test_colours_are_left_out_where_there_are_none(views):
+    at = lattice(list(np.ndindex(2, 3, 3)))
+    plain, coloured = Volume(at), Volume(at)
+    plain.add(replace(views[0], colours=None), 1)
+    coloured.add(views[0], 1)
+    assert coloured.sums[5:].any() and not plain.sums[5:].any()
+    np.testing.assert_array_equal(plain.sums[:5], coloured.sums[:5])
+
+
+FUSE_ALONE = """
+import importlib.util, sys
+import numpy as np
+spec = importlib.util.spec_from_file_location("_native", sys.argv[1])
+native = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(native)
+given = np.load(sys.argv[2])
+sums = np.zeros((native.FUSE_SUMS, len(given["blocks"]), 8, 8, 8), np.float32)
+names = ("lattice", "blocks", "depth", "slope", "colours", "pinhole", "ids")
+native.fuse_view(*(given[name] for name in names), 1, sums)
+np.savez(sys.argv[3], sums=sums, level=native.simd_level())
+"""
+
+
+@pytest.mark.parametrize("level", ["portable", "avx2"])
+def test_every_instruction_set_gives_the_same_sums(views, level, tmp_path):
+    at, view = lattice([(0, 2, 3), (0, 1, 2), (-2, 3, 2), (0, 0, 4)]), views[0]
+    row = np.array([*at.origin, at.voxel, at.truncation])
+    images = {name: getattr(view, name) for name in ("depth", "slope", "colours", "pinhole", "ids")}
+    np.savez(tmp_path / "in.npz", lattice=row, blocks=at.blocks, **images)
+    command = [sys.executable, "-c", FUSE_ALONE, _native.__file__, tmp_path / "in.npz", tmp_path / "out.npz"]
+    subprocess.run(command, check=True, env={"GOC_SIMD": level})
+    volume, found = Volume(at), np.load(tmp_path / "out.npz")
+    volume.add(view, 1)
+    assert found["level"] == level or level != "portable"  # a machine may lack AVX2
+    off = ~np.isclose(found["sums"], volume.sums, rtol=1e-4, atol=1e-4)
+    assert volume.weight.any() and off.mean() < 1e-3
 
 
 def test_sums_are_equal_for_any_number_of_threads(views):
@@ -111,13 +183,16 @@ def test_a_frame_without_depth_is_no_view():
 def test_arrays_of_different_sizes_are_refused(views):
     view = views[0]
     short = np.ascontiguousarray(view.slope[1:])
-    sums = np.zeros((2, 8, 8, 8, _native.FUSE_SUMS), np.float32)
+    sums = np.zeros((_native.FUSE_SUMS, 2, 8, 8, 8), np.float32)
     row = np.array([0.0, 0, 0, 0.01, 0.03])
     blocks = np.zeros((1, 3), np.int32)
     with pytest.raises(ValueError, match="depth and slope differ in size"):
-        _native.fuse_view(row, blocks, view.depth, short, view.colours, view.pinhole, None, 0, sums[:1])
+        _native.fuse_view(row, blocks, view.depth, short, view.colours, view.pinhole, None, 0, sums[:, 1:].copy())
     with pytest.raises(ValueError, match="one set of sums a block"):
         _native.fuse_view(row, blocks, view.depth, view.slope, view.colours, view.pinhole, None, 0, sums)
+    dot = np.ones((1, 1), np.float32)
+    with pytest.raises(ValueError, match="an image needs two pixels"):
+        _native.fuse_view(row, blocks, dot, dot, None, view.pinhole, None, 0, sums[:, 1:].copy())
     with pytest.raises(ValueError, match="radius must be 1 to 8 pixels"):
         _native.depth_slope(view.depth, view.pinhole, 0, 0.03, 6, np.zeros_like(view.depth))
     with pytest.raises(ValueError, match="cells need an edge"):

@@ -106,7 +106,7 @@ def _rendered(model: _Model, camera: Camera, depth_limit: float) -> DepthView | 
         depth=depth.reshape(shape),
         slope=np.ones(shape, np.float32),
         ids=None,
-        colours=np.zeros((*shape, 3), np.uint8),
+        colours=None,
         pinhole=np.concatenate(pinhole).astype(np.float64),
         world_from_cam=pose[:3],
     )

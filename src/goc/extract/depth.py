@@ -26,7 +26,8 @@ class DepthView:
     slope: Float32[np.ndarray, "h w"]
     """Cosine between ray and surface normal, (0, 1]; NaN at flying pixels, which are ignored."""
     ids: Int16[np.ndarray, "h w"] | None
-    colours: UInt8[np.ndarray, "h w 3"]
+    colours: UInt8[np.ndarray, "h w 3"] | None
+    """None: nobody will ask."""
     pinhole: Float64[np.ndarray, "16"]
     """fx, fy, cx, cy, then the upper three rows of cam_from_world."""
     world_from_cam: Float64[np.ndarray, "3 4"]

@@ -1,10 +1,9 @@
 """What was measured in a box round an object: surface seen, seen empty, unknown."""
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int64
+from jaxtyping import Float32, Float64, Int64, Shaped, UInt8
 
 from goc.extract.config import ExtractConfig
-from goc.extract.fuse import voted_distance
 from goc.extract.volume import BLOCK, Lattice, Volume
 from goc.scene import Evidence, EvidenceGrid
 
@@ -48,20 +47,28 @@ def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: Ex
     Returns:
         origin, voxel and sdf in scene units.
     """
-    distance = voted_distance(volume, config)
-    carved = volume.empty > config.empty_votes * volume.weight
-    is_surface = ~np.isnan(distance) & ~carved
-    passed = volume.empty > 0
-    state = np.where(passed | (volume.other > config.other_votes * volume.weight), Evidence.EMPTY, Evidence.UNKNOWN)
-    state = np.where(is_surface, Evidence.SURFACE, state).astype(np.uint8)
     lattice = volume.lattice
+    weight, empty, other = (plane.reshape(-1) for plane in (volume.weight, volume.empty, volume.other))
+    state = (empty > 0).view(np.uint8)  # Evidence.EMPTY or UNKNOWN
     low, high = (np.floor((end - lattice.origin) / lattice.voxel + 0.5).astype(np.int64) for end in _extent(points))
-    kept = _known_box(_dense(volume, passed), low, high, pad=int(low.min()))
+    kept = _known_box(_dense(lattice, state), low, high, pad=int(low.min()))
+    stopped = np.flatnonzero(other > 0)
+    state[stopped[other[stopped] > config.other_votes * weight[stopped]]] = Evidence.EMPTY
+    surface = np.flatnonzero(weight > 0)  # few: what follows is for them alone
+    surface = surface[
+        (other[surface] <= config.other_votes * weight[surface])
+        & (empty[surface] <= config.empty_votes * weight[surface])
+    ]
+    measured = volume.distance_at(surface)
+    surface, measured = surface[~np.isnan(measured)], measured[~np.isnan(measured)]
+    state[surface] = Evidence.SURFACE
+    distance = np.zeros(weight.shape, np.float32)
+    distance[surface] = measured
     return EvidenceGrid(
         origin=lattice.origin + lattice.voxel * np.array([side.start for side in kept]),
         voxel=lattice.voxel,
-        state=np.ascontiguousarray(_dense(volume, state)[kept]),
-        sdf=np.ascontiguousarray(_dense(volume, np.where(is_surface, distance, np.float32(0.0)))[kept]),
+        state=np.ascontiguousarray(_dense(lattice, state)[kept]),
+        sdf=np.ascontiguousarray(_dense(lattice, distance)[kept]),
     )
 
 
@@ -70,7 +77,7 @@ def _extent(points: Float32[np.ndarray, "v 3"]) -> tuple[Float64[np.ndarray, "3"
 
 
 def _known_box(
-    passed: Bool[np.ndarray, "x y z"], low: Int64[np.ndarray, "3"], high: Int64[np.ndarray, "3"], pad: int
+    passed: UInt8[np.ndarray, "x y z"], low: Int64[np.ndarray, "3"], high: Int64[np.ndarray, "3"], pad: int
 ) -> tuple[slice, slice, slice]:
     """Grow the box of voxels low … high outwards for as long as rays crossed the next layer, by `pad` at most."""
     sides = []
@@ -87,7 +94,7 @@ def _known_box(
     return tuple(sides)
 
 
-def _dense(volume: Volume, field: np.ndarray) -> np.ndarray:
-    shape = volume.lattice.blocks.max(axis=0) + 1
+def _dense(lattice: Lattice, field: Shaped[np.ndarray, "_"]) -> Shaped[np.ndarray, "x y z"]:
+    shape = lattice.blocks.max(axis=0) + 1
     cube = field.reshape(*shape, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
     return cube.reshape(shape * BLOCK)

@@ -44,12 +44,13 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore)
 
 def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray, "b 8 8 8"]:
     """Signed distance with the votes counted: outside where rays passed, NaN where nothing or something else is."""
-    distance = volume.distance()
-    distance = np.where(
-        volume.empty > config.empty_votes * volume.weight, np.float32(volume.lattice.truncation), distance
-    )
-    own = (volume.weight > 0) & (volume.other <= config.other_votes * volume.weight)
-    return np.where(own, distance, np.float32(np.nan))
+    weight, empty, other = (plane.reshape(-1) for plane in (volume.weight, volume.empty, volume.other))
+    seen = np.flatnonzero(weight > 0)  # few of a lattice's voxels: the rest of the work is theirs alone
+    seen = seen[other[seen] <= config.other_votes * weight[seen]]
+    carved = empty[seen] > config.empty_votes * weight[seen]
+    voted = np.full(volume.weight.shape, np.nan, np.float32)
+    voted.reshape(-1)[seen] = np.where(carved, np.float32(volume.lattice.truncation), volume.distance_at(seen))
+    return voted
 
 
 def _lattice(cells: Cells, unit: float, config: ExtractConfig, notify: Listener) -> Lattice:

@@ -28,8 +28,8 @@ class Volume:
 
     def __init__(self, lattice: Lattice) -> None:
         self.lattice = lattice
-        shape = (len(lattice.blocks), BLOCK, BLOCK, BLOCK, _native.FUSE_SUMS)
-        self.sums: Float32[np.ndarray, "b 8 8 8 s"] = np.zeros(shape, np.float32)
+        shape = (_native.FUSE_SUMS, len(lattice.blocks), BLOCK, BLOCK, BLOCK)
+        self.sums: Float32[np.ndarray, "s b 8 8 8"] = np.zeros(shape, np.float32)
 
     def add(self, view: DepthView, wanted: int | None) -> None:
         """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
@@ -43,33 +43,38 @@ class Volume:
     @property
     def weight(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Σ cos θ / z² of the rays that ended in the band, faded behind the surface."""
-        return self.sums[..., _WEIGHT]
+        return self.sums[_WEIGHT]
 
     @property
     def views(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Number of views whose ray ended in the band."""
-        return self.sums[..., _VIEWS]
+        return self.sums[_VIEWS]
 
     @property
     def other(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """The same of rays that ended on another id."""
-        return self.sums[..., _OTHER]
+        return self.sums[_OTHER]
 
     @property
     def empty(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """The same of rays that passed through."""
-        return self.sums[..., _EMPTY]
+        return self.sums[_EMPTY]
 
     def distance(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Mean signed distance of the rays that ended in the band; NaN where none did."""
         weight = self.weight
-        mean = self.sums[..., _DISTANCE] / np.where(weight > 0, weight, 1)
+        mean = self.sums[_DISTANCE] / np.where(weight > 0, weight, 1)
         return np.where(weight > 0, mean, np.float32(np.nan))
 
-    def colours(self) -> Float32[np.ndarray, "b 8 8 8 3"]:
-        """Mean colour, 0 … 255; 0 where nothing was seen."""
-        weight = self.weight[..., None]
-        return self.sums[..., _RED:] / np.where(weight > 0, weight, 1)
+    def distance_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
+        """The same at voxels whose weight is above 0, by their index among all."""
+        return self.sums[_DISTANCE].reshape(-1)[voxels] / self.weight.reshape(-1)[voxels]
+
+    def colours_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n 3"]:
+        """Mean colour, 0 … 255, of voxels by their index among all; 0 where nothing was seen."""
+        weight = self.weight.reshape(-1)[voxels]
+        planes = self.sums[_RED:].reshape(3, -1)
+        return np.stack([plane[voxels] for plane in planes], axis=1) / np.where(weight > 0, weight, 1)[:, None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -86,14 +91,10 @@ class Surface:
 def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
     """Mesh the zero level of `values` (positive outside, NaN = leave open), one vertex a lattice edge."""
     edges, share, positions, faces = _crossed(volume.lattice, values)
-
-    def between(field: np.ndarray) -> np.ndarray:
-        inner, outer = field[edges[:, 0]], field[edges[:, 1]]
-        return inner + (outer - inner) * share
-
-    colours = between(volume.colours().reshape(-1, 3))
+    inner, outer = volume.colours_at(edges[:, 0]), volume.colours_at(edges[:, 1])
+    colours = inner + (outer - inner) * share
     own = volume.weight.reshape(-1)[edges]
-    against = (volume.other + volume.empty).reshape(-1)[edges]
+    against = volume.other.reshape(-1)[edges] + volume.empty.reshape(-1)[edges]
     return Surface(
         mesh=Mesh(
             vertices=positions,

@@ -66,7 +66,7 @@ class View:
             depth=self.depth,
             slope=self.slope,
             ids=self.ids,
-            colours=np.zeros((*self.depth.shape, 3), np.uint8),
+            colours=None,
             pinhole=self.at.pinhole(),
             world_from_cam=self.at.world_from_cam[:3],
         )

@@ -118,7 +118,7 @@ def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
         depth=depth,
         slope=np.ones_like(depth),
         ids=None,
-        colours=np.zeros((*depth.shape, 3), np.uint8),
+        colours=None,
         pinhole=at.pinhole(),
         world_from_cam=at.world_from_cam[:3],
     )
