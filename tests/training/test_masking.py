@@ -1,9 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from goc.complete import evidence_channels
 from goc.scene import Evidence
-from goc.training.masking import MaskConfig, mask, take, visible
+from goc.training.masking import MaskConfig, _evidence, mask, spoil, take, visible
 from goc.training.placing import Placed
 from goc.training.primitives import Box, Ellipsoid
 from goc.training.samples import FeedConfig, make_batch, true_distance
@@ -92,6 +94,30 @@ def test_projection_is_the_inverse_of_the_rays():
     np.testing.assert_allclose(depth, 2.5, atol=1e-9)
     row, column = np.divmod(np.arange(64), 8)
     np.testing.assert_allclose(pixels, np.stack([column, row], -1) + 0.5, atol=1e-9)
+
+
+def test_holes_and_rays_into_nothing_erase_no_evidence():
+    """A pixel without depth says nothing: what other pixels and views measured stays."""
+    random = np.random.default_rng(3)
+    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    views = [
+        take(placed, nothing_round(), at)
+        for at in random_viewpoints(placed.box(), nothing_round(), "round", 6, 48, random)
+    ]
+    seen = placed.surface(2000, 0)[0]
+
+    def surface(views):
+        return _evidence(views, seen, 0.05, 48).state == Evidence.SURFACE
+
+    holed = []
+    for view in views:
+        holes = random.random(view.depth.shape) < 0.3
+        holed.append(replace(view, depth=np.where(holes, np.float32(np.nan), view.depth)))
+    spoilt = [replace(view, slope=np.where(np.isnan(view.depth), np.float32(np.nan), view.slope)) for view in holed]
+    whole, left = surface(views), surface(spoilt)
+    assert whole.sum() > 2000
+    assert (left & whole).sum() > 0.7 * whole.sum()  # some voxels had one ray alone
+    assert all(np.isnan(view.slope[np.isnan(view.depth)]).all() for view in spoil(holed, placed, 1.0, random))
 
 
 def test_batches_depend_on_their_number_alone():

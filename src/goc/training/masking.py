@@ -25,6 +25,8 @@ Random = np.random.Generator
 _OBJECT, _OTHER = 1, 2
 _GRAZING = 0.12
 """Cosine below which a pixel is not trusted, as fusion of real depth does not."""
+_FAR = 10.0
+"""Depth of rays that meet nothing, in longest sides."""
 _BAND = 3.0 / 128.0
 """Truncation of the evidence of real objects, in longest sides: three voxels of 128."""
 
@@ -115,17 +117,17 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
 
 
 def take(placed: Placed, around: Surroundings, at: Viewpoint) -> View:
-    """An exact depth image with ids; NaN where a ray meets nothing."""
+    """An exact depth image with ids; a ray that meets nothing ends far away, and says that all before is empty."""
     origins, directions = at.rays()
     hits, normals = placed.closest_hit(origins, directions)
     length = np.linalg.norm(directions, axis=-1)
     slope = np.abs((normals * directions).sum(-1)) / length
-    depth, ids = hits.t.copy(), np.where(hits.found, _OBJECT, _OTHER)
+    depth, ids = np.where(hits.found, hits.t, _FAR), np.where(hits.found, _OBJECT, _OTHER)
+    slope = np.where(hits.found, slope, 1.0)
     if around.scene is not None:
         other = around.scene.closest_hit(origins, directions)
         nearer = other.t < depth
         depth, ids, slope = np.where(nearer, other.t, depth), np.where(nearer, _OTHER, ids), np.where(nearer, 1, slope)
-    depth[~np.isfinite(depth)] = np.nan
     shape = (at.size, at.size)
     slope = np.where(slope < _GRAZING, np.nan, slope)
     return View(
@@ -167,6 +169,7 @@ def spoil(views: list[View], placed: Placed, strength: float, random: Random) ->
         ids[edge & (random.random(edge.shape) < 0.5 * flying)] = random.choice([_OBJECT, _OTHER])
         slope[chosen & (random.random(edge.shape) < 0.7)] = np.nan
         depth[random.random(edge.shape) < holes] = np.nan
+        slope[np.isnan(depth)] = np.nan  # as fusion has it: a pixel without depth says nothing
         spoilt.append(View(at=view.at, depth=depth, slope=slope, ids=ids))
     return spoilt
 
