@@ -104,7 +104,7 @@ def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Pa
 
 def _save(out: Path, state: TrainState, config: TrainConfig) -> None:
     save_state(out / STATE, state, fingerprint(config))
-    save_network(out / WEIGHTS, state.averaged(build(config.network())), _notes(config, state))
+    save_network(out / WEIGHTS, state.averaged(build(config.network())), _notes(config, state), half=True)
 
 
 @contextmanager
