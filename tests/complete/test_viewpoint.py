@@ -9,6 +9,7 @@ from goc.complete.scan import scanned_object
 from goc.complete.viewpoint import carved
 from goc.errors import CompleteError, ConfigError
 from goc.files import write_points
+from goc.geometry.orientation import point_normals
 from goc.scene import Evidence, PointCloud
 from oracles.watertight import signed_volume, trouble
 
@@ -118,3 +119,17 @@ def test_viewpoints_that_cannot_be_are_refused(tmp_path, capsys):
     words = ["complete", str(tmp_path / "scan.ply"), "--out", str(tmp_path / "closed.ply"), "--cells", "24"]
     assert main([*words, "--method", "hull", "--viewpoint", "1", "-4", "0.5"]) == 0
     assert "closed in" in capsys.readouterr().out
+
+
+def test_one_side_of_a_ball_looks_outwards_without_a_viewpoint():
+    cap = front(inner=0.0, side=60)
+    tilted = cap.positions @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0].T
+    turned = cap.normals @ np.linalg.qr(np.random.default_rng(0).normal(size=(3, 3)))[0].T
+    assert ((point_normals(tilted) * turned).sum(axis=1) > 0.9).mean() > 0.97
+
+
+def test_a_scan_turned_inside_out_is_refused():
+    cloud = front()
+    inwards = PointCloud(positions=cloud.positions, colours=cloud.colours, normals=-cloud.normals)
+    with pytest.raises(CompleteError, match="its normals look inwards. Turn them round, or pass --viewpoint"):
+        complete_scan(inwards, ScanConfig(cells=32))

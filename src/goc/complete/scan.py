@@ -22,6 +22,8 @@ _FEWEST, _MOST = 50, 200_000
 _NEAREST = 8
 _ROOM = 0.125
 """Room round the points, longest sides."""
+_LEAST_OBSERVED = 0.005
+"""Share of the closed surface that lies on the scan, below which the scan was taken for the wall of a hollow."""
 _STRAY = 6.0
 """Points whose neighbours are this many times further off than is usual are strays."""
 
@@ -61,6 +63,11 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
     flaw = watertight_flaw(done.mesh)
     if flaw is not None:
         raise CompleteError(f"The scan cannot be closed: {flaw}. Check that its normals point outwards.")
+    if done.observed.mean() < _LEAST_OBSERVED:
+        raise CompleteError(
+            f"{done.observed.mean():.1%} of the closed surface is the scan's own: its normals look inwards. Turn them "
+            "round, or pass --viewpoint, where the sensor stood."
+        )
     return done
 
 
