@@ -1,8 +1,21 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
 
-from goc.complete import LiteConfig, OscConfig, build, cell_centres, cube_round, load_network, partial_of, save_network
+from goc import complete
+from goc.complete import (
+    LiteConfig,
+    OscConfig,
+    build,
+    cell_centres,
+    cube_round,
+    load_network,
+    partial_of,
+    save_network,
+    weights,
+)
 from goc.complete.lite import Features
 from goc.errors import CompleteError, FileError
 from goc.files import write_tensors
@@ -24,8 +37,8 @@ def partial():
 
 
 def test_the_network_that_ships_fits_into_the_package():
-    weights = sum(parameter.numel() for parameter in build(LiteConfig()).parameters())
-    assert 4 * weights < 30e6
+    count = sum(parameter.numel() for parameter in build(LiteConfig()).parameters())
+    assert 4 * count < 30e6
 
 
 def test_features_are_exact_at_cell_centres_and_linear_between():
@@ -66,6 +79,27 @@ def test_a_network_comes_back_from_disk(tmp_path, config):
         atol=2e-2,
         rtol=1e-2,
     )
+
+
+def test_a_package_without_weights_says_so(tmp_path, monkeypatch):
+    missing = tmp_path / "weights" / "osc_lite.safetensors"
+    monkeypatch.setattr(weights, "SHIPPED", missing)
+    with pytest.raises(CompleteError, match=r"osc_lite\.safetensors: goc was packaged without weights. Pass weights"):
+        load_network(missing)
+    missing.parent.mkdir()
+    save_network(missing, build(TINY))
+    assert load_network(missing).config == TINY
+    missing.write_bytes(b"not tensors at all")
+    with pytest.raises(FileError, match=r"osc_lite\.safetensors"):
+        load_network(missing)
+
+
+def test_the_weights_that_ship_are_in_the_package_and_fit():
+    assert weights.SHIPPED.parent.parent == Path(complete.__file__).parent
+    if not weights.SHIPPED.is_file():
+        pytest.skip("goc ships no weights yet")
+    assert weights.SHIPPED.stat().st_size <= 30e6
+    assert load_network().config == LiteConfig()
 
 
 def test_what_is_no_network_is_refused(tmp_path):

@@ -1,12 +1,26 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 
-from goc.complete import SIZES, Osc, OscConfig, PartialBatch, build
-from goc.complete.layers import FOURIER, fourier_features
+from goc.complete import (
+    SIZES,
+    Lattice,
+    Osc,
+    OscConfig,
+    PartialBatch,
+    Refinement,
+    build,
+    cube_round,
+    decode,
+    decode_densely,
+    partial_of,
+)
+from goc.complete.layers import FOURIER, CrossBlock, fourier_features
 from goc.complete.sampling import farthest_points
+from goc.scene import EvidenceGrid
 
 TINY = OscConfig(encoder=2, decoder=2, width=32, heads=4, tokens=16, latent=4, points=64)
 
@@ -94,3 +108,21 @@ def test_the_divergence_sums_over_a_token_and_means_over_tokens():
     torch.nn.init.constant_(network.to_mean.bias, 2.0)
     _, divergence = network(seen(torch.randn(1, 64, 3)), torch.rand(1, 8, 3))
     assert divergence.item() == pytest.approx(0.5 * 8 * 4.0, rel=1e-5)
+
+
+def test_a_field_makes_keys_and_values_once_however_often_it_is_asked(monkeypatch):
+    made = []
+    remembered = CrossBlock.keys_values
+    monkeypatch.setattr(
+        CrossBlock, "keys_values", lambda block, tokens: made.append(block) or remembered(block, tokens)
+    )
+    network, points = build(TINY).eval(), np.random.default_rng(0).normal(size=(80, 3))
+    evidence = EvidenceGrid(
+        origin=np.zeros(3), voxel=1.0, state=np.zeros((2, 2, 2), np.uint8), sdf=np.zeros((2, 2, 2), np.float32)
+    )
+    field = replace(network.complete(partial_of(points, None, evidence, cube_round(points))), chunk=7)
+    assert len(made) == TINY.encoder + TINY.decoder
+    lattice = Lattice(origin=np.full(3, -0.9), voxel=0.1, shape=(19, 19, 19))
+    fast, dense = decode(field, lattice, Refinement(cells=4)), decode_densely(field, lattice)
+    assert len(made) == TINY.encoder + TINY.decoder
+    assert fast[::4, ::4, ::4] == pytest.approx(dense[::4, ::4, ::4], abs=1e-5)

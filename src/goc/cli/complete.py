@@ -21,14 +21,16 @@ from goc.scene import Mesh, ObjectMesh
 _DESCRIPTION = """Close one partial scan: a point cloud or mesh of an object that was seen in part.
 
 INPUT is .ply, .glb, .obj, .xyz, .txt or .pts. Normals are estimated where a point cloud has none; a mesh must be wound
-counter-clockwise seen from outside. Without cameras nothing is known to be empty, so what is filled in is a guess: with
-`smooth`, the surface goes on as smoothly as its normals ask, which closes holes well and invents no missing half. A
-scan that comes with its views is better carved: `goc carve` knows where rays passed.
+counter-clockwise seen from outside. Without a viewpoint nothing is known to be empty, so what is filled in is a guess:
+with `smooth`, the surface goes on as smoothly as its normals ask, which closes holes well and invents no missing half.
+Of a scan from one place, say from where: what was seen past stays empty. A scan that comes with its views is better
+carved: `goc carve` knows where all rays passed.
 
 examples:
   goc complete mug.ply --out mug_closed.ply
   goc complete chair.glb --out chair_closed.glb --cells 200
   goc complete scan.xyz --out scan.glb --up y
+  goc complete kinect.ply --out box.ply --viewpoint 0 0 0
   goc complete mug.ply --out mug_closed.ply --method osc --weights osc_m.safetensors"""
 
 _SAMPLES = 100_000

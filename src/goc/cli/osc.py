@@ -61,6 +61,10 @@ class Evaluate:
     """Weights of `goc osc train`; none: those that goc comes with."""
     baselines: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Score what needs no training alone."""
+    json: Path | None = None
+    """Write every score, of each mask and in the mean, to this file."""
+    pictures: Path | None = None
+    """Draw some cases into this PNG: seen, completed, true."""
     config: Annotated[EvalConfig, tyro.conf.arg(name="")] = EvalConfig()
 
 
@@ -106,10 +110,17 @@ def _train(given: Train, words: Sequence[str]) -> int:
 
 def _evaluate(given: Evaluate) -> int:
     from goc.complete import SHIPPED, load_network
+    from goc.files import write_json
     from goc.training.evaluate import evaluate, table
 
+    if given.baselines and given.weights is not None:
+        raise ConfigError("--baselines scores no network, but --weights names one. Leave one of them out.")
+    if given.pictures is not None and given.pictures.suffix.lower() != ".png":
+        raise ConfigError(f"--pictures {given.pictures}: goc writes .png. Choose that.")
     network = None if given.baselines else load_network(given.weights or SHIPPED)
     with shown_progress() as notify:
-        rows = evaluate(given.data, network, given.config, notify)
-    sys.stdout.write(table(rows))
+        report = evaluate(given.data, network, given.config, notify, given.pictures)
+    if given.json is not None:
+        write_json(given.json, report)
+    sys.stdout.write(table(report))
     return 0

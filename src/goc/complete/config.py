@@ -1,5 +1,6 @@
 """Settings of stage 4."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
@@ -7,7 +8,7 @@ from typing import Literal
 from goc.errors import ConfigError
 
 Method = Literal["none", "hull", "lite", "osc"]
-ScanMethod = Literal["smooth", "lite", "osc"]
+ScanMethod = Literal["smooth", "hull", "lite", "osc"]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -40,10 +41,13 @@ class CompleteConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class ScanConfig:
-    """How one partial scan is closed, of which nothing is known but its points."""
+    """How one partial scan is closed, of which nothing is known but its points, and where they were seen from."""
 
     method: ScanMethod = "smooth"
-    """smooth: as smoothly as the normals ask (Poisson). lite, osc: a network says what is solid."""
+    """smooth: as smoothly as the normals ask (Poisson). hull: all that the viewpoint does not see to be empty.
+    lite, osc: a network says what is solid."""
+    viewpoint: tuple[float, float, float] | None = None
+    """Where the sensor stood, in the scan's frame and unit: what it saw past is empty, and normals look towards it."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: float = 0.5
@@ -57,7 +61,11 @@ class ScanConfig:
             raise ConfigError(f"--threshold is {self.threshold}: it is an occupancy, above 0 and below 1.")
         if not 16 <= self.cells <= 400:
             raise ConfigError(f"--cells is {self.cells}: needs 16 to 400.")
+        if self.viewpoint is not None and not all(math.isfinite(value) for value in self.viewpoint):
+            raise ConfigError(f"--viewpoint is {self.viewpoint}: needs three finite numbers.")
+        if self.method == "hull" and self.viewpoint is None:
+            raise ConfigError("--method hull needs --viewpoint: without it nothing is empty, and the hull is a box.")
         if self.method == "osc" and self.weights is None:
             raise ConfigError("--method osc needs --weights: goc ships no weights of that size.")
-        if self.weights is not None and self.method == "smooth":
-            raise ConfigError("--weights is given, but --method smooth uses none. Pass --method lite.")
+        if self.weights is not None and self.method in ("smooth", "hull"):
+            raise ConfigError(f"--weights is given, but --method {self.method} uses none. Pass --method lite.")

@@ -1,4 +1,4 @@
-"""One partial scan without cameras: where its points are is surface, what else is, nobody knows."""
+"""One partial scan: where its points are is surface; what else is, only the place it was seen from may tell."""
 
 from dataclasses import replace
 
@@ -11,6 +11,7 @@ from goc.complete.config import ScanConfig
 from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
 from goc.complete.stage import model_fill, network_for
+from goc.complete.viewpoint import carved, facing
 from goc.errors import CompleteError
 from goc.events import Listener, Warned, ignore
 from goc.geometry.orientation import point_normals
@@ -21,6 +22,8 @@ _FEWEST, _MOST = 50, 200_000
 _NEAREST = 8
 _ROOM = 0.125
 """Room round the points, longest sides."""
+_LEAST_OBSERVED = 0.005
+"""Share of the closed surface that lies on the scan, below which the scan was taken for the wall of a hollow."""
 _STRAY = 6.0
 """Points whose neighbours are this many times further off than is usual are strays."""
 
@@ -28,8 +31,9 @@ _STRAY = 6.0
 def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = ignore) -> ObjectMesh:
     """Close a partial point cloud.
 
-    Without cameras nothing is known to be empty, so the evidence hull would be a box. Instead the surface goes on as
-    smoothly as the normals ask (Poisson), or as a network has it; where points are, it stays on them.
+    Without a viewpoint nothing is known to be empty, and the evidence hull would be a box. So the surface goes on as
+    smoothly as the normals ask (Poisson), or as a network has it; where points are, it stays on them. From a viewpoint,
+    space that its rays passed stays empty.
 
     Args:
         cloud: any frame and unit; normals outwards, estimated where there are none.
@@ -40,25 +44,35 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
         A watertight mesh (checked), colours carried over; `observed` where there were points.
 
     Raises:
-        CompleteError: fewer than 50 points, no extent, no inside; or a network that cannot be used.
+        CompleteError: fewer than 50 points, no extent, no inside; a viewpoint among the points, or behind the surface;
+            or a network that cannot be used.
     """
-    cloud = _prepared(cloud, notify)
+    viewpoint = None if config.viewpoint is None else np.array(config.viewpoint, np.float64)
+    cloud = _prepared(cloud, viewpoint, notify)
     found = scanned_object(cloud, config.cells)
+    if viewpoint is not None:
+        found = replace(found, evidence=carved(found.evidence, cloud.positions, viewpoint))
     assert cloud.normals is not None
+    fill = None
     if config.method == "smooth":
         fill = poisson_fill(cloud.positions, cloud.normals, with_margin(found.evidence))
-    else:
+    elif config.method != "hull":
         model = network_for(config.method, config.weights)
         fill = model_fill(model, found, cloud.normals, config.threshold, coarse_cells=64)
     done = compose(found, fill)
     flaw = watertight_flaw(done.mesh)
     if flaw is not None:
         raise CompleteError(f"The scan cannot be closed: {flaw}. Check that its normals point outwards.")
+    if done.observed.mean() < _LEAST_OBSERVED:
+        raise CompleteError(
+            f"{done.observed.mean():.1%} of the closed surface is the scan's own: its normals look inwards. Turn them "
+            "round, or pass --viewpoint, where the sensor stood."
+        )
     return done
 
 
-def _prepared(cloud: PointCloud, notify: Listener) -> PointCloud:
-    """Enough points, not too many, no strays, with normals."""
+def _prepared(cloud: PointCloud, viewpoint: Float64[np.ndarray, "3"] | None, notify: Listener) -> PointCloud:
+    """Enough points, not too many, no strays, with normals outwards as far as the viewpoint tells."""
     count = len(cloud.positions)
     if count < _FEWEST or not np.ptp(cloud.positions, axis=0).max() > 0:
         raise CompleteError(f"{count} points tell no surface: {_FEWEST} are needed, in more than one place.")
@@ -71,8 +85,25 @@ def _prepared(cloud: PointCloud, notify: Listener) -> PointCloud:
     if cleaned.normals is not None:
         lengths = np.linalg.norm(cleaned.normals, axis=1, keepdims=True)
         if (lengths > 0.5).all():
-            return replace(cleaned, normals=(cleaned.normals / lengths).astype(np.float32))
-    return replace(cleaned, normals=point_normals(cleaned.positions))
+            normals = (cleaned.normals / lengths).astype(np.float32)
+            if viewpoint is not None:
+                _check_sides(normals, cleaned.positions, viewpoint)
+            return replace(cleaned, normals=normals)
+    normals = point_normals(cleaned.positions)
+    if viewpoint is not None:
+        normals = facing(normals, cleaned.positions, viewpoint)
+    return replace(cleaned, normals=normals)
+
+
+def _check_sides(
+    normals: Float32[np.ndarray, "p 3"], points: Float32[np.ndarray, "p 3"], viewpoint: Float64[np.ndarray, "3"]
+) -> None:
+    away = float(((normals * (viewpoint - points)).sum(axis=1) < 0).mean())
+    if away > 0.5:
+        raise CompleteError(
+            f"{away:.0%} of the scan's normals look away from --viewpoint, so it saw the inside. Turn the faces or "
+            "normals round, or leave the normals out."
+        )
 
 
 def _chosen(cloud: PointCloud, rows: np.ndarray) -> PointCloud:

@@ -11,8 +11,8 @@ def point_normals(points: Float[np.ndarray, "p 3"], neighbours: int = 12) -> Flo
     """Unit normals of points on a surface, pointing outwards (Hoppe et al. 1992).
 
     A normal is the direction in which a point's neighbours spread least. Its side follows that of the neighbour whose
-    plane is most alike, along a spanning tree; of each connected part, the point that lies furthest out from the part's
-    middle looks away from it.
+    plane is most alike, along a spanning tree; each connected part looks away from its middle on the whole, as a closed
+    or bulging one does. What is hollow to the eye, such as a bowl seen from above, comes out the wrong way round.
 
     Raises:
         ValueError: fewer than four points.
@@ -46,10 +46,10 @@ def _one_sided(
         members = np.flatnonzero(part == number)
         out = points[members] - points[members].mean(axis=0)
         seed = int(np.argmax((out**2).sum(axis=1)))
-        if turned[members[seed]] @ out[seed] < 0:
-            turned[members[seed]] *= -1
         order, before = breadth_first_order(tree, members[seed], directed=False)
         for point in order[1:]:
             if turned[point] @ turned[before[point]] < 0:
                 turned[point] *= -1
+        if (turned[members] * out).sum() < 0:  # of a closed surface: three times the volume that it holds
+            turned[members] *= -1
     return turned

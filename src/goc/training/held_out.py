@@ -1,4 +1,4 @@
-"""Completions of shapes that were not trained on, scored against the truth beside what needs no training."""
+"""How a training goes: completions of shapes it does not train on, on the lattice of its network, against the truth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -6,10 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 from jaxtyping import Bool, Float32
-from scipy.spatial import ConvexHull, Delaunay, QhullError
 
-from goc.complete import Completer, Cube, cell_centres, evidence_channels
-from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_scores
+from goc.complete import Completer, cell_centres, evidence_channels
 from goc.geometry.isosurface import grid_surface
 from goc.scene import Mesh
 from goc.training.masking import MaskConfig, Masked, mask
@@ -23,9 +21,6 @@ _SEEN = 0.3
 """Share of a cell in the band of a seen surface from which the measured distance holds."""
 _SOFT = 0.004
 """Model units that one unit of log-odds counts for when a field is meshed."""
-SAMPLES = 20_000
-F_AT = 0.02
-"""Threshold of F, in longest sides of the true box."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -50,16 +45,9 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Score:
-    """One completion against the truth. Lengths in longest sides of the true box."""
+    """One completion against the truth."""
 
     iou: float
-    chamfer_mean: float
-    """(accuracy + completion) / 2, as in the paper's tables of rooms."""
-    chamfer_sum: float
-    """accuracy + completion, as in 3DShape2VecSet."""
-    f_score: float
-    """At 2 % of the longest side."""
-    normal_consistency: float
     decided_right: float
     """Share of undecided cells of the true box that are called rightly."""
 
@@ -88,25 +76,6 @@ def guess_nothing(case: Case) -> Field:
     return np.full_like(case.truth, 0.02)
 
 
-def guess_hull(case: Case) -> Field:
-    """What no ray passed is solid, within the box of the evidence (research: the evidence hull)."""
-    empty, beyond = case.channels[2], case.channels[3]
-    return ((empty + beyond - 0.5) * 0.04).astype(np.float32)
-
-
-def guess_convex(case: Case) -> Field:
-    """The convex hull of what was seen."""
-    cells = case.truth.shape[0]
-    centres = cell_centres(cells)
-    seen = centres[(case.channels[1] >= _SEEN) & (case.channels[0] <= 0)]
-    try:
-        corners = seen[ConvexHull(seen).vertices]
-        inside = Delaunay(corners).find_simplex(centres.reshape(-1, 3)) >= 0
-    except (QhullError, ValueError):
-        return guess_nothing(case)
-    return np.where(inside.reshape(case.truth.shape), -0.02, 0.02).astype(np.float32)
-
-
 def guess_network(case: Case, network: Completer, threshold: float) -> Field:
     """What a network says, its level at occupancy `threshold`."""
     cells = case.truth.shape[0]
@@ -116,37 +85,15 @@ def guess_network(case: Case, network: Completer, threshold: float) -> Field:
     return np.clip((level - logits) * _SOFT, -0.04, 0.04).astype(np.float32).reshape(case.truth.shape)
 
 
-def score(case: Case, field: Field, with_surface: bool = True) -> Score:
-    """Compare a field with the truth of its case; without the surface's scores in a tenth of the time."""
+def score(case: Case, field: Field) -> Score:
+    """Compare a field with the truth of its case."""
     inside, truth = field < 0, case.truth < 0
     iou = float((inside & truth).sum() / max((inside | truth).sum(), 1))
     rows = [np.flatnonzero(truth.any(axis=tuple(o for o in range(3) if o != axis))) for axis in range(3)]
     box = tuple(slice(row[0], row[-1] + 1) if len(row) else slice(0, 0) for row in rows)
     open_ = ~case.decided[box]
     right = float((inside[box] == truth[box])[open_].mean()) if open_.any() else 1.0
-    nothing = float("nan")
-    if not with_surface:
-        return Score(
-            iou=iou,
-            chamfer_mean=nothing,
-            chamfer_sum=nothing,
-            f_score=nothing,
-            normal_consistency=nothing,
-            decided_right=right,
-        )
-    points, normals = case.masked.placed.surface(SAMPLES, 1)
-    cube = case.masked.cube
-    true = SurfaceSamples(points=points, normals=normals)
-    longest = float(np.ptp(points, axis=0).max())
-    found = surface_scores(_samples(field, cube), true, thresholds=(F_AT * longest,))
-    return Score(
-        iou=iou,
-        chamfer_mean=found.chamfer / longest,
-        chamfer_sum=2 * found.chamfer / longest,
-        f_score=next(iter(found.f_score.values())),
-        normal_consistency=found.normal_consistency,
-        decided_right=right,
-    )
+    return Score(iou=iou, decided_right=right)
 
 
 def surface_of(field: Field) -> Mesh:
@@ -163,11 +110,3 @@ def show(case: Case, fields: Sequence[Field], size: int = 128) -> list[np.ndarra
     pictures = [shaded(surface_of(seen), size, green)]
     pictures += [shaded(surface_of(field), size, blue) for field in fields]
     return [*pictures, shaded(surface_of(case.truth), size, grey)]
-
-
-def _samples(field: Field, cube: Cube) -> SurfaceSamples | None:
-    mesh = surface_of(field)
-    if len(mesh.faces) == 0:
-        return None
-    moved = Mesh(vertices=cube.world_from_model(mesh.vertices), faces=mesh.faces)
-    return sample_surface(moved, SAMPLES)

@@ -187,7 +187,7 @@ def look(board: Board, state: TrainState, cases: list[Case], config: TrainConfig
     device = next(state.network.parameters()).device
     network = state.averaged(build(config.network()).to(device))
     fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
-    scores = [score(case, field, with_surface=False) for case, field in zip(cases, fields, strict=True)]
+    scores = [score(case, field) for case, field in zip(cases, fields, strict=True)]
     board.scalars(
         state.step,
         {

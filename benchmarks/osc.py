@@ -1,0 +1,179 @@
+"""Time completion and its training: `python benchmarks/osc.py [--sizes lite S] [--json FILE]`.
+
+One half-seen ball on a grid of 128 voxels along its longest side, from evidence to closed mesh, with random weights:
+the work is the same as with trained ones, save that a random field has surface in other places. Queries a level stand
+beside those of a dense decode. Absolute times drift from machine to machine: the last column is a ratio to a 1024²
+float32 matrix product on as many threads, measured in the same run.
+"""
+
+import argparse
+import json
+import statistics
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from goc import _native
+from goc.complete import SIZES, Completer, LiteConfig, Network, OccupancyField, Partial, build, compose, model_fill
+from goc.geometry.isosurface import grid_surface
+from goc.geometry.surfaces import vertex_normals
+from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.training.config import TrainConfig
+from goc.training.feed import Recipe
+from goc.training.samples import FeedConfig, TrainingBatch
+from goc.training.state import initial_state
+from goc.training.train import recipe, step
+
+CELLS, RADIUS, BAND = 128, 0.8, 3.0
+
+
+@dataclass
+class Counted:
+    """A network that also says how many queries it is asked, call by call; one call a level."""
+
+    network: Network
+    calls: list[int] = field(default_factory=list)
+
+    def complete(self, partial: Partial) -> "CountedField":
+        """The network's field."""
+        return CountedField(self.network.complete(partial), self.calls)
+
+
+@dataclass
+class CountedField:
+    """A field that counts."""
+
+    inner: OccupancyField
+    calls: list[int]
+
+    def logits(self, points: Tensor) -> Tensor:
+        """The field's answer."""
+        self.calls.append(len(points))
+        return self.inner.logits(points)
+
+
+def half_seen_ball() -> ObjectMesh:
+    """Seen from above by parallel rays: a band on its upper half, empty above and beside it, unknown below."""
+    voxel = 2.0 / CELLS
+    axis = voxel * (np.arange(CELLS) + 0.5) - 1.0
+    at = np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)
+    distance = np.linalg.norm(at, axis=-1) - RADIUS
+    upper, beside = at[..., 2] > 0, np.linalg.norm(at[..., :2], axis=-1) > RADIUS
+    surface = upper & (np.abs(distance) < BAND * voxel)
+    passed = beside | (upper & (distance > 0))
+    state = np.where(surface, Evidence.SURFACE, np.where(passed, Evidence.EMPTY, Evidence.UNKNOWN))
+    vertices, faces = grid_surface(distance.astype(np.float32), np.full(3, axis[0]), voxel)
+    used, place = np.unique(faces[(vertices[faces][..., 2] > 0).all(axis=1)], return_inverse=True)
+    return ObjectMesh(
+        id=1,
+        label="ball",
+        mesh=Mesh(vertices=vertices[used], faces=place.reshape(-1, 3).astype(np.int32)),
+        observed=np.ones(len(used), bool),
+        evidence=EvidenceGrid(
+            origin=np.full(3, axis[0]),
+            voxel=voxel,
+            state=state.astype(np.uint8),
+            sdf=np.where(surface, distance, 0).astype(np.float32),
+        ),
+    )
+
+
+def seconds(action: Callable[[], object], repeats: int) -> float:
+    """Median wall time after one warm-up call."""
+    times = []
+    for turn in range(repeats + 1):
+        start = time.perf_counter()
+        action()
+        if turn:
+            times.append(time.perf_counter() - start)
+    return statistics.median(times)
+
+
+def completed(found: ObjectMesh, network: Completer | None) -> ObjectMesh:
+    """From evidence to closed mesh: with a network, or the evidence hull."""
+    if network is None:
+        return compose(found, None)
+    return compose(found, model_fill(network, found, vertex_normals(found.mesh), threshold=0.5, coarse_cells=64))
+
+
+def completion_row(name: str, network: Network | None, repeats: int) -> dict[str, object]:
+    """Time of one completion, and the queries of each level."""
+    found = half_seen_ball()
+    calls: list[int] = []
+    if network is not None:
+        completed(found, Counted(network, calls))
+    return {
+        "what": f"complete, {name}",
+        "seconds": seconds(lambda: completed(found, network), repeats),
+        "queries": calls,
+    }
+
+
+def training_rows(name: str, network: Network, repeats: int) -> list[dict[str, object]]:
+    """Time of one training step, and of making its batch; the paper's sizes with one object of 2,048 queries."""
+    small = name != "lite"
+    feed = FeedConfig(batch=1, masks=1, reuse=1, queries=2048) if small else FeedConfig()
+    config = TrainConfig(size=name, steps=100, feed=feed)
+    made = recipe(config)
+    dealt = _batch(made)
+    state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
+    stepped = seconds(lambda: step(network, state, dealt, config), repeats)
+    each = feed.reuse**2
+    pooled = seconds(lambda: made.pool(1), 1) / each
+    shape = f"{feed.batch} objects x {feed.queries:,} queries"
+    return [
+        {"what": f"training step, {name}, {shape}", "seconds": stepped, "queries": []},
+        {"what": f"its batch, one of {each} of a pool" if each > 1 else "its batch", "seconds": pooled, "queries": []},
+    ]
+
+
+def _batch(made: Recipe) -> TrainingBatch:
+    return next(made.deal(made.pool(0), 0))
+
+
+def table(rows: list[dict[str, object]], product: float) -> str:
+    """The rows as Markdown."""
+    dense = (CELLS + 4) ** 3
+    lines = ["| what | s | queries by level | share of dense | time / product |", "|---|---|---|---|---|"]
+    for row in rows:
+        calls, took = row["queries"], row["seconds"]
+        asked = " + ".join(f"{count:,}" for count in calls) or "-"
+        share = f"{sum(calls) / dense:.1%}" if calls else "-"
+        lines.append(f"| {row['what']} | {took:.2f} | {asked} | {share} | {took / product:,.0f} |")
+    return "\n".join(lines)
+
+
+def main() -> None:
+    """Print a table; write it as JSON where asked."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sizes", nargs="+", default=["lite", "S"], choices=["lite", *SIZES])
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--no-training", action="store_true", help="time completion alone")
+    parser.add_argument("--json", type=Path)
+    arguments = parser.parse_args()
+    matrix = torch.rand(1024, 1024)
+    product = seconds(lambda: matrix @ matrix, 15)
+    rows = [completion_row("hull", None, arguments.repeats)]
+    for size in arguments.sizes:
+        network = build(LiteConfig() if size == "lite" else SIZES[size]).eval()
+        repeats = arguments.repeats if size == "lite" else 1
+        rows.append(completion_row(size, network, repeats))
+        if not arguments.no_training:
+            rows += training_rows(size, network, repeats)
+    print(
+        f"{_native.simd_level()}, {torch.get_num_threads()} threads, {CELLS} voxels along the longest side, "
+        f"1024² float32 product: {1e3 * product:.1f} ms\n"
+    )
+    print(table(rows, product))
+    if arguments.json:
+        document = {"simd": _native.simd_level(), "threads": torch.get_num_threads(), "product_seconds": product}
+        arguments.json.write_text(json.dumps(document | {"rows": rows}, indent=1))
+
+
+if __name__ == "__main__":
+    main()

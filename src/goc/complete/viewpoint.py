@@ -1,0 +1,99 @@
+"""Where one sensor stood tells which space its rays passed: in front of what it saw, and past the outline."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Float32, Float64
+from scipy import ndimage
+
+from goc.errors import CompleteError
+from goc.scene import Evidence, EvidenceGrid
+
+_CLEAR = 2.0
+"""Voxels that a ray must pass in front of a point to have passed for sure."""
+_WIDEST = 4.0
+"""Tangent of the angle off the view's axis up to which a viewpoint is one outside the scan."""
+_CLOSED = 2
+"""Pixels, about voxels, by which gaps between points are closed and the outline is widened."""
+_SMALL_HOLE = 0.02
+"""Share of the outline below which a hole in it is one of the sensor, not of the object."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _View:
+    """An image plane at distance 1 before the viewpoint."""
+
+    eye: Float64[np.ndarray, "3"]
+    axes: Float64[np.ndarray, "3 3"]
+    """Rows: right, down, forward."""
+    pixel: float
+
+    def seen_at(self, points: Float[np.ndarray, "p 3"]) -> tuple[Float64[np.ndarray, "p 2"], Float64[np.ndarray, "p"]]:
+        """Place in the image plane, in pixels from its axis, and depth; only for depths above 0."""
+        local = (points - self.eye) @ self.axes.T
+        return local[:, :2] / np.maximum(local[:, 2:], 1e-12) / self.pixel, local[:, 2]
+
+
+def carved(evidence: EvidenceGrid, points: Float[np.ndarray, "p 3"], viewpoint: Float[np.ndarray, "3"]) -> EvidenceGrid:
+    """Mark unknown space as seen empty that rays from a viewpoint passed on their way to the points or beside them.
+
+    Directions in which no point lies, beyond gaps and small holes, count as seen past the object: a scan is all that
+    its sensor saw of the object. What lies behind points stays unknown.
+
+    Raises:
+        CompleteError: the viewpoint is among the points.
+    """
+    view = _looking(viewpoint, points, evidence.voxel)
+    at, depth = view.seen_at(points)
+    if (depth <= 0).any() or np.abs(at * view.pixel).max() > _WIDEST:
+        place = " ".join(f"{value:g}" for value in viewpoint)
+        raise CompleteError(
+            f"--viewpoint {place}: lies among the points or right beside them. Give the sensor's place, in the "
+            "scan's own frame and unit."
+        )
+    corner = np.floor(at.min(axis=0)).astype(int) - 2 * _CLOSED - 1
+    shape = np.floor(at.max(axis=0)).astype(int) + 2 * _CLOSED + 2 - corner
+    nearest = np.full(shape, np.inf)
+    np.minimum.at(nearest, tuple((np.floor(at).astype(int) - corner).T), depth)
+    outline = _outline(np.isfinite(nearest))
+    nearest = ndimage.minimum_filter(nearest, 3)
+    unknown = np.argwhere(evidence.state == Evidence.UNKNOWN)
+    pixels, depths = view.seen_at(evidence.origin + evidence.voxel * unknown)
+    rows = np.floor(pixels).astype(int) - corner
+    within = ((rows >= 0) & (rows < shape)).all(axis=1)
+    rows = tuple(np.clip(rows, 0, shape - 1).T)
+    before = np.isfinite(nearest[rows]) & (depths < nearest[rows] - _CLEAR * evidence.voxel)
+    passed = (depths > 0) & (~within | ~outline[rows] | before)
+    state = evidence.state.copy()
+    state[tuple(unknown[passed].T)] = Evidence.EMPTY
+    return replace(evidence, state=state)
+
+
+def facing(
+    normals: Float32[np.ndarray, "p 3"], points: Float[np.ndarray, "p 3"], viewpoint: Float[np.ndarray, "3"]
+) -> Float32[np.ndarray, "p 3"]:
+    """Normals turned to the side that the sensor saw."""
+    away = (normals * (viewpoint - points)).sum(axis=1) < 0
+    return np.where(away[:, None], -normals, normals).astype(np.float32)
+
+
+def _looking(viewpoint: Float[np.ndarray, "3"], points: Float[np.ndarray, "p 3"], voxel: float) -> _View:
+    eye = np.asarray(viewpoint, np.float64)
+    towards = (points.min(axis=0) + points.max(axis=0)) / 2.0 - eye
+    away = max(float(np.linalg.norm(towards)), 1e-12)
+    forward = towards / away
+    aside = np.eye(3)[int(np.argmin(np.abs(forward)))]
+    right = np.cross(forward, aside)
+    right /= max(float(np.linalg.norm(right)), 1e-12)
+    return _View(eye=eye, axes=np.stack([right, np.cross(forward, right), forward]), pixel=voxel / away)
+
+
+def _outline(hit: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
+    """Pixels that the object covers, or may."""
+    closed = ndimage.binary_closing(hit, iterations=_CLOSED)
+    holes, count = ndimage.label(~closed)
+    sizes = np.bincount(holes.ravel(), minlength=count + 1)
+    small = sizes < _SMALL_HOLE * closed.sum()
+    small[holes[0, 0]] = False  # the outside
+    small[0] = True  # what is closed already
+    return ndimage.binary_dilation(small[holes])

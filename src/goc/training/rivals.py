@@ -1,0 +1,167 @@
+"""What `goc osc eval` compares: ways to complete an object, each through the composition that `goc carve` uses."""
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float32
+from scipy import ndimage
+from scipy.spatial import ConvexHull, QhullError
+
+from goc.complete import (
+    Completer,
+    Lattice,
+    Refinement,
+    compose,
+    compose_field,
+    cube_round,
+    decode,
+    model_fill,
+    partial_of,
+    signed_distance,
+    with_margin,
+)
+from goc.complete.compose import closed_object
+from goc.complete.hull import BAND
+from goc.complete.poisson import poisson_fill
+from goc.geometry.isosurface import grid_surface
+from goc.geometry.raycast import TriangleScene
+from goc.geometry.surfaces import surface_cloud, vertex_normals
+from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.training.masking import Masked
+from goc.training.samples import true_distance
+
+Grid = Float32[np.ndarray, "x y z"]
+
+HULL, POISSON, NETWORK = "evidence hull", "screened Poisson", "network"
+_COARSE = 64
+_POISSON_POINTS = 30_000
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Closed:
+    """What one method made of one object, in the frame of its cube."""
+
+    mesh: Mesh
+    distance: Grid
+    """Whose zero level the mesh is (of `nothing`, the border of the measured band): voxels, positive outside."""
+    grid: EvidenceGrid
+    """Where the distance is."""
+    seconds: float
+    """From evidence to mesh."""
+
+    def inside(self, points: Float32[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
+        """Which points it fills: trilinear between voxels, nothing beyond the grid."""
+        at = ((points - self.grid.origin) / self.grid.voxel).T
+        return ndimage.map_coordinates(self.distance, at, order=1, mode="constant", cval=BAND) < 0
+
+
+def measured_object(masked: Masked) -> ObjectMesh | None:
+    """A masked object as extraction hands it to completion: its open measured mesh, and its evidence; cube's frame.
+
+    Returns:
+        None where no whole face was measured.
+    """
+    evidence = masked.partial.evidence
+    near = (evidence.state == Evidence.SURFACE) & (np.abs(evidence.sdf) < evidence.voxel)
+    places = (evidence.origin + evidence.voxel * np.argwhere(near)).astype(np.float32)
+    if len(places) == 0:
+        return None
+    bare = ObjectMesh(
+        id=1,
+        label="object",
+        mesh=Mesh(vertices=places, faces=np.zeros((0, 3), np.int32)),
+        observed=np.ones(len(places), bool),
+        evidence=evidence,
+    )
+    hull = compose(bare, None)
+    faces = hull.mesh.faces[hull.observed[hull.mesh.faces].all(axis=1)]
+    if len(faces) == 0:
+        return None
+    used, place = np.unique(faces, return_inverse=True)
+    mesh = Mesh(vertices=hull.mesh.vertices[used], faces=place.reshape(-1, 3).astype(np.int32))
+    return replace(bare, mesh=mesh, observed=np.ones(len(used), bool))
+
+
+def completions(
+    found: ObjectMesh, masked: Masked, network: Completer | None, threshold: float
+) -> Iterator[tuple[str, Closed]]:
+    """Every method's answer for one object, by name; the last knows the truth and bounds what any could reach."""
+    yield "nothing", replace(_composed(found, _nothing), mesh=found.mesh, seconds=0.0)
+    yield "convex hull", _composed(found, _convex)
+    yield POISSON, _composed(found, _poisson)
+    yield HULL, _composed(found, lambda _: None)
+    if network is not None:
+        yield "network alone", _alone(found, network, threshold)
+        yield (
+            NETWORK,
+            _composed(found, lambda seen: model_fill(network, seen, vertex_normals(seen.mesh), threshold, _COARSE)),
+        )
+    yield "perfect guess", _composed(found, lambda seen: _true(seen, masked))
+
+
+def _composed(found: ObjectMesh, fill: Callable[[ObjectMesh], Grid | None]) -> Closed:
+    started = time.perf_counter()
+    composed = compose_field(with_margin(found.evidence), fill(found), found.mesh.vertices)
+    mesh = closed_object(found, composed).mesh
+    seconds = time.perf_counter() - started
+    return Closed(mesh=mesh, distance=composed.distance, grid=composed.evidence, seconds=seconds)
+
+
+def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Closed:
+    """What a network says, in its whole cube, whatever was measured."""
+    started = time.perf_counter()
+    points, voxel = found.mesh.vertices, found.evidence.voxel
+    cube = cube_round(points)
+    field = network.complete(partial_of(points, vertex_normals(found.mesh), found.evidence, cube))
+    count = math.ceil(cube.side / voxel)
+    lattice = Lattice(origin=np.full(3, 1.0 / count - 1.0), voxel=2.0 / count, shape=(count,) * 3)
+    distance = signed_distance(decode(field, lattice, Refinement(cells=_COARSE)), threshold)
+    grid = EvidenceGrid(
+        origin=cube.centre + lattice.origin * (cube.side / 2),
+        voxel=cube.side / count,
+        state=np.zeros(lattice.shape, np.uint8),
+        sdf=np.zeros(lattice.shape, np.float32),
+    )
+    vertices, faces = grid_surface(distance, grid.origin, grid.voxel)
+    seconds = time.perf_counter() - started
+    return Closed(mesh=Mesh(vertices=vertices, faces=faces), distance=distance, grid=grid, seconds=seconds)
+
+
+def _nothing(found: ObjectMesh) -> Grid:
+    """What was not seen is not there."""
+    return np.full(with_margin(found.evidence).state.shape, np.float32(BAND))
+
+
+def _poisson(found: ObjectMesh) -> Grid:
+    cloud = surface_cloud(found.mesh, _POISSON_POINTS)
+    assert cloud.normals is not None
+    return poisson_fill(cloud.positions, cloud.normals, with_margin(found.evidence))
+
+
+def _convex(found: ObjectMesh) -> Grid:
+    """Exact distance to the convex hull of what was seen; nothing where that is flat."""
+    grid, result = with_margin(found.evidence), _nothing(found)
+    try:
+        hull = ConvexHull(found.mesh.vertices.astype(np.float64))
+    except QhullError:
+        return result
+    corners = hull.points[hull.simplices]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turned = (normals * hull.equations[:, :3]).sum(axis=1) < 0
+    faces = np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int32)
+    scene = TriangleScene(found.mesh.vertices, faces)
+    asked = grid.state != Evidence.EMPTY
+    points = grid.origin + grid.voxel * np.argwhere(asked)
+    apart, _ = scene.nearest(points, BAND * grid.voxel)
+    sign = np.where(scene.winding(points) > 0, -1.0, 1.0)
+    result[asked] = sign * np.minimum(apart / grid.voxel, BAND)
+    return result
+
+
+def _true(found: ObjectMesh, masked: Masked) -> Grid:
+    grid = with_margin(found.evidence)
+    points = (grid.origin + grid.voxel * np.argwhere(np.ones(grid.state.shape, bool))).astype(np.float32)
+    return (true_distance(masked, points) / np.float32(grid.voxel)).reshape(grid.state.shape)
