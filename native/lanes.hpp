@@ -120,6 +120,15 @@ struct Target {
   float m[9], t[3];
 };
 
+// A row of pixels whose planes are fitted; see plane_normals.hpp.
+struct FitRow {
+  const float* const* depth;  // 2·radius + 1 rows, which start `radius` pixels before the first; NaN outside the image
+  int width, radius;
+  float agree, fewest;
+  float fx, fy, cx;
+  float from_centre;          // y + ½ − cy
+};
+
 // A depth image, and how the voxels of a lattice land in it; see fuse.hpp.
 struct FusedView {
   int width, height;
@@ -200,6 +209,8 @@ struct Kernels {
   // 1 − ZNCC in [0, 1] of patches on the planes q + gx·dx + gy·dy of inverse depth; 1 where they land outside.
   void (*patch_costs)(const Patches& patches, const Target& target, const float* q, const float* gx, const float* gy,
                       float* costs);
+  // Normals of one row, three rows of floats; like the depths, they have room up to the next multiple of 16.
+  void (*plane_normal_row)(const FitRow& row, float* const* normal);
   // Adds a view to the sums of the block whose first voxel is at `first`, camera space; sum s of voxel i is at
   // sums[s·stride + i]. passed: all rays pass through all of it.
   void (*fuse_block)(const FusedView& view, const float* first, bool passed, float* sums, std::size_t stride);

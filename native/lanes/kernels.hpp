@@ -37,6 +37,7 @@ float path_step(const float* costs, const float* before, float best_before, floa
                 float* now, float* total);
 void patch_costs(const Patches& patches, const Target& target, const float* q, const float* gx, const float* gy,
                  float* costs);
+void plane_normal_row(const FitRow& row, float* const* normal);
 void fuse_block(const FusedView& view, const float* first, bool passed, float* sums, std::size_t stride);
 
 }  // namespace goc::GOC_ISA

@@ -97,12 +97,14 @@ given = np.load(sys.argv[2])
 sums = np.zeros((native.FUSE_SUMS, len(given["blocks"]), 8, 8, 8), np.float32)
 names = ("lattice", "blocks", "depth", "slope", "colours", "pinhole", "ids")
 native.fuse_view(*(given[name] for name in names), 1, sums)
-np.savez(sys.argv[3], sums=sums, level=native.simd_level())
+slope = np.zeros_like(given["depth"])
+native.depth_slope(given["depth"], given["pinhole"], 2, 0.03, 6, slope)
+np.savez(sys.argv[3], sums=sums, slope=slope, level=native.simd_level())
 """
 
 
 @pytest.mark.parametrize("level", ["portable", "avx2"])
-def test_every_instruction_set_gives_the_same_sums(views, level, tmp_path):
+def test_every_instruction_set_gives_the_same_sums_and_slopes(views, level, tmp_path):
     at, view = lattice([(0, 2, 3), (0, 1, 2), (-2, 3, 2), (0, 0, 4)]), views[0]
     row = np.array([*at.origin, at.voxel, at.truncation])
     images = {name: getattr(view, name) for name in ("depth", "slope", "colours", "pinhole", "ids")}
@@ -114,6 +116,7 @@ def test_every_instruction_set_gives_the_same_sums(views, level, tmp_path):
     assert found["level"] == level or level != "portable"  # a machine may lack AVX2
     off = ~np.isclose(found["sums"], volume.sums, rtol=1e-4, atol=1e-4)
     assert volume.weight.any() and off.mean() < 1e-3
+    np.testing.assert_allclose(found["slope"], view.slope, atol=1e-5)  # NaN in the same places
 
 
 def test_sums_are_equal_for_any_number_of_threads(views):
