@@ -142,13 +142,13 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       continue;
     }
     if (r + kAhead < tile.count) __builtin_prefetch(row_of(tile, r + kAhead));
-    const float* s = row_of(tile, r);
-    const float* v = s + kPacked + tile.channel_offset;
+    const float* row = row_of(tile, r);
     Lanes total[kFloats];
     for (int k = 0; k < kFloats; ++k) total[k] = splat(0.0f);
     for (; touched; touched &= touched - 1) {
       const int b = __builtin_ctz(touched);
       Block<C>& block = blocks[b];
+      const float *s = reread(row), *v = s + kPacked + tile.channel_offset;
       const Lanes dx = load(block.px) - s[0], dy = load(block.py) - s[1];
       Lanes raw;
       const Lanes a = alpha_of(s, dx, dy, raw);
