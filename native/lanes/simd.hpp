@@ -31,8 +31,13 @@ alignas(64) static const float kIota[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
 struct Lanes {
   Part part[kParts];
 };
+#if defined(__AVX512F__)
+typedef __mmask16 PartMask;
+#else
+typedef IntPart PartMask;  // all ones or all zeros a lane
+#endif
 struct Mask {
-  IntPart part[kParts];  // all ones or all zeros a lane
+  PartMask part[kParts];
 };
 
 // Does something with every part. Written out, not a loop: GCC takes a struct of vectors apart into registers only
@@ -78,18 +83,36 @@ GOC_INLINE Lanes operator*(Lanes a, float b) { GOC_EACH(a.part[p] *= b) return a
 GOC_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b.part[p] + c.part[p]) return c; }
 GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b + c.part[p]) return c; }
 
-GOC_INLINE Mask operator==(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
-GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
-GOC_INLINE Mask operator>=(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b.part[p]) return m; }
-GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
-GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
+#if defined(__AVX512F__)
+// GCC would make such a mask a vector again to take its bits.
+#define GOC_COMPARE(OPERATOR, HOW) \
+  GOC_INLINE Mask operator OPERATOR(Lanes a, Lanes b) { return {{_mm512_cmp_ps_mask(a.part[0], b.part[0], HOW)}}; }
+GOC_COMPARE(==, _CMP_EQ_OQ)
+GOC_COMPARE(>=, _CMP_GE_OQ)
+GOC_COMPARE(<=, _CMP_LE_OQ)
+GOC_COMPARE(>, _CMP_GT_OQ)
+GOC_INLINE Mask operator&(Mask a, Mask b) { return {{(__mmask16)(a.part[0] & b.part[0])}}; }
+GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
+  return {{_mm512_mask_mov_ps(no.part[0], m.part[0], yes.part[0])}};
+}
+GOC_INLINE Lanes keep(Mask m, Lanes x) { return {{_mm512_maskz_mov_ps(m.part[0], x.part[0])}}; }
+#else
+#define GOC_COMPARE(OPERATOR) \
+  GOC_INLINE Mask operator OPERATOR(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] OPERATOR b.part[p]) return m; }
+GOC_COMPARE(==)
+GOC_COMPARE(>=)
+GOC_COMPARE(<=)
+GOC_COMPARE(>)
 GOC_INLINE Mask operator&(Mask a, Mask b) { GOC_EACH(a.part[p] &= b.part[p]) return a; }
-
 GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
   GOC_EACH(yes.part[p] = m.part[p] ? yes.part[p] : no.part[p])
   return yes;
 }
 GOC_INLINE Lanes keep(Mask m, Lanes x) { return select(m, x, splat(0.0f)); }
+#endif
+#undef GOC_COMPARE
+GOC_INLINE Mask operator>=(Lanes a, float b) { return a >= splat(b); }
+GOC_INLINE Mask operator<=(Lanes a, float b) { return a <= splat(b); }
 
 // The second where one is NaN.
 GOC_INLINE Part part_min(Part a, Part b) {
@@ -146,9 +169,9 @@ GOC_INLINE Part part_reciprocal(Part x) {
 }
 GOC_INLINE Lanes reciprocal(Lanes x) { GOC_EACH(x.part[p] = part_reciprocal(x.part[p])) return x; }
 
-GOC_INLINE std::uint32_t part_bits(IntPart m) {
+GOC_INLINE std::uint32_t part_bits(PartMask m) {
 #if defined(__AVX512F__)
-  return _mm512_cmplt_epi32_mask((__m512i)m, _mm512_setzero_si512());
+  return m;
 #elif defined(__AVX__)
   return _mm256_movemask_ps((__m256)m);
 #elif defined(__x86_64__)
