@@ -163,7 +163,7 @@ struct Kernels {
   // The splat at which each pixel's transmittance falls below one half, as a float; -1 where none does.
   void (*median_tile)(const TileView& tile, float* median, std::uint32_t* scratch);
   // Writes gradient_floats(channel_count) floats a record at grads + slot·grad_stride (64-byte aligned):
-  // [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/dlog2_alpha (zeros if channels_only), then dL/dchannel.
+  // [Σg, Σg·dx, Σg·dy, Σg·dx², Σg·dx·dy, Σg·dy²] with g = dL/d ln alpha (zeros if channels_only), then dL/dchannel.
   // image_grad[c] and alpha_grad may be null: zeros.
   void (*backward_tile)(const TileView& tile, const float* const* image, const float* alpha,
                         const float* const* image_grad, const float* alpha_grad, bool channels_only, float* grads,

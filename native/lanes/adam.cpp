@@ -1,6 +1,6 @@
 // One step of Adam (Kingma & Ba 2015) on a run of rows, and the penalties on opacity and size.
 #include "kernels.hpp"
-#include "simd.hpp"
+#include "powers.hpp"
 
 namespace goc::GOC_ISA {
 

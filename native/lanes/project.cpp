@@ -1,7 +1,7 @@
 // Projection of sixteen splats, one a lane, to the image plane (Zwicker et al. 2001), what a training view blends of
 // them, and the gradient of both.
 #include "kernels.hpp"
-#include "simd.hpp"
+#include "powers.hpp"
 
 namespace goc::GOC_ISA {
 namespace {
@@ -154,14 +154,14 @@ void project_lanes_backward(const SplatLanes& in, const RasterCamera& camera, co
   Seen s;
   see(in, camera, s);
   const Lanes inverse_det = splat(1.0f) / (s.xx * s.yy - s.xy * s.xy);
-  // The inverse covariance Q; log2_alpha = log2_opacity − log2(e)/2 · dᵀ Q d.
+  // The inverse covariance Q; ln alpha = ln opacity − ½ dᵀ Q d.
   const Lanes qa = s.yy * inverse_det, qb = negated(s.xy * inverse_det), qc = s.xx * inverse_det;
   const Lanes sum_x = load(grad.splat[1]), sum_y = load(grad.splat[2]);
-  const Lanes gx = fma(qa, sum_x, qb * sum_y) * kLog2E, gy = fma(qb, sum_x, qc * sum_y) * kLog2E;
-  store(out.opacity_logit, load(grad.splat[0]) * kLog2E * (1.0f - s.opacity));
+  const Lanes gx = fma(qa, sum_x, qb * sum_y), gy = fma(qb, sum_x, qc * sum_y);
+  store(out.opacity_logit, load(grad.splat[0]) * (1.0f - s.opacity));
   // Gradient of Q, then of the covariance: −Q G Q.
-  const Lanes g00 = load(grad.splat[3]) * (-0.5f * kLog2E), g01 = load(grad.splat[4]) * (-0.5f * kLog2E);
-  const Lanes g11 = load(grad.splat[5]) * (-0.5f * kLog2E);
+  const Lanes g00 = load(grad.splat[3]) * -0.5f, g01 = load(grad.splat[4]) * -0.5f;
+  const Lanes g11 = load(grad.splat[5]) * -0.5f;
   const Lanes m00 = fma(qa, g00, qb * g01), m01 = fma(qa, g01, qb * g11);
   const Lanes m10 = fma(qb, g00, qc * g01), m11 = fma(qb, g01, qc * g11);
   const Lanes c00 = fma(m00, qa, m01 * qb) * -2.0f, c01 = fma(m00, qb, m01 * qc) * -2.0f;

@@ -31,8 +31,13 @@ alignas(64) static const float kIota[16] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11
 struct Lanes {
   Part part[kParts];
 };
+#if defined(__AVX512F__)
+typedef __mmask16 PartMask;
+#else
+typedef IntPart PartMask;  // all ones or all zeros a lane
+#endif
 struct Mask {
-  IntPart part[kParts];  // all ones or all zeros a lane
+  PartMask part[kParts];
 };
 struct IntLanes {
   IntPart part[kParts];
@@ -62,6 +67,13 @@ GOC_INLINE Lanes load(const float* from) {
 }
 GOC_INLINE void store(float* to, Lanes x) { GOC_EACH(__builtin_memcpy(to + p * kWidth, &x.part[p], sizeof(Part))) }
 
+// The same pointer, but the compiler may not know what it read there before. In a loop it would keep a vector for each
+// number it reads, in memory when registers run out: 64 bytes stored and loaded instead of four loaded.
+GOC_INLINE const float* reread(const float* from) {
+  asm("" : "+r"(from));
+  return from;
+}
+
 GOC_INLINE Lanes operator+(Lanes a, Lanes b) { GOC_EACH(a.part[p] += b.part[p]) return a; }
 GOC_INLINE Lanes operator-(Lanes a, Lanes b) { GOC_EACH(a.part[p] -= b.part[p]) return a; }
 GOC_INLINE Lanes operator*(Lanes a, Lanes b) { GOC_EACH(a.part[p] *= b.part[p]) return a; }
@@ -74,20 +86,40 @@ GOC_INLINE Lanes operator*(Lanes a, float b) { GOC_EACH(a.part[p] *= b) return a
 GOC_INLINE Lanes fma(Lanes a, Lanes b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b.part[p] + c.part[p]) return c; }
 GOC_INLINE Lanes fma(Lanes a, float b, Lanes c) { GOC_EACH(c.part[p] = a.part[p] * b + c.part[p]) return c; }
 
-GOC_INLINE Mask operator==(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
-GOC_INLINE Mask operator>=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
-GOC_INLINE Mask operator>=(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b.part[p]) return m; }
-GOC_INLINE Mask operator<=(Lanes a, float b) { Mask m; GOC_EACH(m.part[p] = a.part[p] <= b) return m; }
-GOC_INLINE Mask operator>(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] > b.part[p]) return m; }
+#if defined(__AVX512F__)
+// GCC would make such a mask a vector again to take its bits.
+#define GOC_COMPARE(OPERATOR, HOW) \
+  GOC_INLINE Mask operator OPERATOR(Lanes a, Lanes b) { return {{_mm512_cmp_ps_mask(a.part[0], b.part[0], HOW)}}; }
+GOC_COMPARE(==, _CMP_EQ_OQ)
+GOC_COMPARE(>=, _CMP_GE_OQ)
+GOC_COMPARE(<=, _CMP_LE_OQ)
+GOC_COMPARE(>, _CMP_GT_OQ)
+GOC_INLINE Mask operator&(Mask a, Mask b) { return {{(__mmask16)(a.part[0] & b.part[0])}}; }
+GOC_INLINE Mask operator|(Mask a, Mask b) { return {{(__mmask16)(a.part[0] | b.part[0])}}; }
+GOC_INLINE Mask operator~(Mask a) { return {{(__mmask16)~a.part[0]}}; }
+GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
+  return {{_mm512_mask_mov_ps(no.part[0], m.part[0], yes.part[0])}};
+}
+GOC_INLINE Lanes keep(Mask m, Lanes x) { return {{_mm512_maskz_mov_ps(m.part[0], x.part[0])}}; }
+#else
+#define GOC_COMPARE(OPERATOR) \
+  GOC_INLINE Mask operator OPERATOR(Lanes a, Lanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] OPERATOR b.part[p]) return m; }
+GOC_COMPARE(==)
+GOC_COMPARE(>=)
+GOC_COMPARE(<=)
+GOC_COMPARE(>)
 GOC_INLINE Mask operator&(Mask a, Mask b) { GOC_EACH(a.part[p] &= b.part[p]) return a; }
 GOC_INLINE Mask operator|(Mask a, Mask b) { GOC_EACH(a.part[p] |= b.part[p]) return a; }
 GOC_INLINE Mask operator~(Mask a) { GOC_EACH(a.part[p] = ~a.part[p]) return a; }
-
 GOC_INLINE Lanes select(Mask m, Lanes yes, Lanes no) {
   GOC_EACH(yes.part[p] = m.part[p] ? yes.part[p] : no.part[p])
   return yes;
 }
 GOC_INLINE Lanes keep(Mask m, Lanes x) { return select(m, x, splat(0.0f)); }
+#endif
+#undef GOC_COMPARE
+GOC_INLINE Mask operator>=(Lanes a, float b) { return a >= splat(b); }
+GOC_INLINE Mask operator<=(Lanes a, float b) { return a <= splat(b); }
 
 // The second where one is NaN.
 GOC_INLINE Part part_min(Part a, Part b) {
@@ -144,9 +176,9 @@ GOC_INLINE Part part_reciprocal(Part x) {
 }
 GOC_INLINE Lanes reciprocal(Lanes x) { GOC_EACH(x.part[p] = part_reciprocal(x.part[p])) return x; }
 
-GOC_INLINE std::uint32_t part_bits(IntPart m) {
+GOC_INLINE std::uint32_t part_bits(PartMask m) {
 #if defined(__AVX512F__)
-  return _mm512_cmplt_epi32_mask((__m512i)m, _mm512_setzero_si512());
+  return m;
 #elif defined(__AVX__)
   return _mm256_movemask_ps((__m256)m);
 #elif defined(__x86_64__)
@@ -167,9 +199,24 @@ GOC_INLINE IntLanes operator*(IntLanes a, int b) { GOC_EACH(a.part[p] *= b) retu
 GOC_INLINE IntLanes operator&(IntLanes a, int b) { GOC_EACH(a.part[p] &= b) return a; }
 GOC_INLINE IntLanes operator<<(IntLanes a, int b) { GOC_EACH(a.part[p] <<= b) return a; }
 GOC_INLINE IntLanes operator>>(IntLanes a, int b) { GOC_EACH(a.part[p] >>= b) return a; }
+GOC_INLINE IntLanes splat_int(int x) {
+  IntLanes out;
+  GOC_EACH(out.part[p] = IntPart{} + x)
+  return out;
+}
+#if defined(__AVX512F__)
+GOC_INLINE Mask operator==(IntLanes a, IntLanes b) {
+  return {{_mm512_cmpeq_epi32_mask((__m512i)a.part[0], (__m512i)b.part[0])}};
+}
+GOC_INLINE Mask operator>=(IntLanes a, IntLanes b) {
+  return {{_mm512_cmpge_epi32_mask((__m512i)a.part[0], (__m512i)b.part[0])}};
+}
+#else
 GOC_INLINE Mask operator==(IntLanes a, IntLanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b.part[p]) return m; }
-GOC_INLINE Mask operator==(IntLanes a, int b) { Mask m; GOC_EACH(m.part[p] = a.part[p] == b) return m; }
-GOC_INLINE Mask operator>=(IntLanes a, int b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b) return m; }
+GOC_INLINE Mask operator>=(IntLanes a, IntLanes b) { Mask m; GOC_EACH(m.part[p] = a.part[p] >= b.part[p]) return m; }
+#endif
+GOC_INLINE Mask operator==(IntLanes a, int b) { return a == splat_int(b); }
+GOC_INLINE Mask operator>=(IntLanes a, int b) { return a >= splat_int(b); }
 // Towards zero; x must fit.
 GOC_INLINE IntLanes truncate(Lanes x) {
   IntLanes out;
@@ -196,9 +243,9 @@ GOC_INLINE Part part_of(IntPart x) {
 // from + bytes·index of the lanes in the mask, four bytes each, which need not be aligned; `no` of the others, whose
 // memory is not touched.
 template <int bytes>
-GOC_INLINE IntPart part_gather(const void* from, IntPart index, IntPart mask, IntPart no) {
+GOC_INLINE IntPart part_gather(const void* from, IntPart index, PartMask mask, IntPart no) {
 #if defined(__AVX512F__)
-  return (IntPart)_mm512_mask_i32gather_epi32((__m512i)no, (__mmask16)part_bits(mask), (__m512i)index, from, bytes);
+  return (IntPart)_mm512_mask_i32gather_epi32((__m512i)no, mask, (__m512i)index, from, bytes);
 #elif defined(__AVX2__)
   return (IntPart)_mm256_mask_i32gather_epi32((__m256i)no, (const int*)from, (__m256i)index, (__m256i)mask, bytes);
 #else
@@ -353,49 +400,5 @@ GOC_INLINE Lanes sums(const Lanes* x) {
 #endif
 #undef GOC_X
 #undef GOC_4
-
-// 2^x for x in [-8, 0], relative error 3e-6; anything may come of a smaller x. A polynomial of 2^(x/8), squared three
-// times: no bit tricks, so that no compiler flag can break it.
-GOC_INLINE Lanes exp2_above_minus_8(Lanes x) {
-  Lanes e = splat(2.86495449e-08f);
-  e = fma(e, x, splat(2.24331345e-06f));
-  e = fma(e, x, splat(0.000107968211f));
-  e = fma(e, x, splat(0.0037526905f));
-  e = fma(e, x, splat(0.0866427794f));
-  e = fma(e, x, splat(0.99999994f));
-  e = e * e;
-  e = e * e;
-  return e * e;
-}
-
-// 2^x, relative error 2e-7; x counts as within [-126, 126].
-GOC_INLINE Lanes exp2(Lanes x) {
-  x = max(min(x, splat(126.0f)), splat(-126.0f));
-  Lanes power;
-  GOC_EACH(const IntPart whole = __builtin_convertvector(x.part[p] + (x.part[p] < 0.0f ? Part{} - 0.5f : Part{} + 0.5f), IntPart);
-           x.part[p] -= __builtin_convertvector(whole, Part); power.part[p] = part_of((whole + 127) << 23);)
-  Lanes e = splat(1.5403530e-04f);
-  e = fma(e, x, splat(1.3333558e-03f));
-  e = fma(e, x, splat(9.6181291e-03f));
-  e = fma(e, x, splat(5.5504109e-02f));
-  e = fma(e, x, splat(2.4022651e-01f));
-  e = fma(e, x, splat(6.9314718e-01f));
-  return fma(e, x, splat(1.0f)) * power;
-}
-
-// log2 of a positive, normal x: the exponent, and the series of artanh for a mantissa in [√½, √2).
-GOC_INLINE Lanes log2(Lanes x) {
-  Lanes exponent;
-  GOC_EACH(const IntPart shifted = bits_of(x.part[p]) - 0x3f3504f3; const IntPart whole = shifted >> 23;
-           exponent.part[p] = __builtin_convertvector(whole, Part);
-           x.part[p] = part_of((shifted & 0x7fffff) + 0x3f3504f3);)
-  const Lanes s = (x - 1.0f) / (x + 1.0f), s2 = s * s;
-  Lanes series = splat(0.32059890f);
-  series = fma(series, s2, splat(0.41219859f));
-  series = fma(series, s2, splat(0.57707802f));
-  series = fma(series, s2, splat(0.96179669f));
-  series = fma(series, s2, splat(2.8853901f));
-  return fma(series, s, exponent);
-}
 
 }  // namespace goc::GOC_ISA

@@ -1,6 +1,6 @@
 // Tile kernels of the rasteriser: which blocks a splat touches, alpha blending, and its gradient.
 #include "kernels.hpp"
-#include "simd.hpp"
+#include "powers.hpp"
 
 namespace goc::GOC_ISA {
 namespace {
@@ -71,10 +71,10 @@ void forward(const TileView& tile, float* const* image, float* alpha, std::uint3
       const std::size_t at = (std::size_t)lists[b * tile.count + i] * tile.row_stride;
       const float *s = tile.rows + at, *v = channels + at;
       Lanes raw;
-      const Lanes a = alpha_of(s, px - s[0], py - s[1], raw);
-      const Lanes next = transmittance * (1.0f - a);
+      const Lanes taken = alpha_of(s, px - s[0], py - s[1], raw) * transmittance;
+      const Lanes next = transmittance - taken;
       const Mask alive = next >= kMinTransmittance;
-      const Lanes weight = keep(alive, a * transmittance);
+      const Lanes weight = keep(alive, taken);
       transmittance = keep(alive, next);
       total = total + weight;
       for (int c = 0; c < C; ++c) colour[c] = fma(weight, v[c], colour[c]);
@@ -142,20 +142,20 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       continue;
     }
     if (r + kAhead < tile.count) __builtin_prefetch(row_of(tile, r + kAhead));
-    const float* s = row_of(tile, r);
-    const float* v = s + kPacked + tile.channel_offset;
+    const float* row = row_of(tile, r);
     Lanes total[kFloats];
     for (int k = 0; k < kFloats; ++k) total[k] = splat(0.0f);
     for (; touched; touched &= touched - 1) {
       const int b = __builtin_ctz(touched);
       Block<C>& block = blocks[b];
+      const float *s = reread(row), *v = s + kPacked + tile.channel_offset;
       const Lanes dx = load(block.px) - s[0], dy = load(block.py) - s[1];
       Lanes raw;
       const Lanes a = alpha_of(s, dx, dy, raw);
-      const Lanes transmittance = load(block.transmittance), through = 1.0f - a;
-      const Lanes next = transmittance * through;
+      const Lanes transmittance = load(block.transmittance), taken = a * transmittance;
+      const Lanes next = transmittance - taken;
       const Mask open = next >= kMinTransmittance;
-      const Lanes weight = keep(open, a * transmittance);
+      const Lanes weight = keep(open, taken);
       store(block.transmittance, keep(open, next));
       if (!bits(open)) alive &= ~(1u << b);
       // Two sums: one alone would wait for itself.
@@ -170,9 +170,8 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       value = value + other;
       const Lanes rest = load(block.rest) - weight * value;
       store(block.rest, rest);
-      // Times dα/dpower = α ln 2; a capped alpha no longer depends on its power.
-      const Lanes slope = keep(open & (raw <= kMaxAlpha), a * 0.6931471805599453f);
-      const Lanes g = slope * (transmittance * value - rest * reciprocal(through));
+      // Times dα/d ln α = α; a capped alpha no longer depends on its power.
+      const Lanes g = keep(open & (raw <= kMaxAlpha), a * (transmittance * value - rest * reciprocal(1.0f - a)));
       const Lanes gx = g * dx, gy = g * dy;
       total[0] = total[0] + g;
       total[1] = total[1] + gx;
