@@ -1,9 +1,9 @@
 """Time completion and its training: `python benchmarks/osc.py [--sizes lite S] [--json FILE]`.
 
 One half-seen ball on a grid of 128 voxels along its longest side, from evidence to closed mesh, with random weights:
-the work is the same as with trained ones, save that a random field has surface in other places. Queries a level stand
-beside those of a dense decode. Absolute times drift from machine to machine: the last column is a ratio to a 1024²
-float32 matrix product on as many threads, measured in the same run.
+a random field is unsure everywhere, so this is the worst case; `--weights FILE` completes with trained ones beside it.
+Queries a level stand beside those of a dense decode. Absolute times drift from machine to machine: the last column is
+a ratio to a 1024² float32 matrix product on as many threads, measured in the same run, both in CPU time.
 """
 
 import argparse
@@ -11,7 +11,7 @@ import json
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +19,18 @@ import torch
 from torch import Tensor
 
 from goc import _native
-from goc.complete import SIZES, Completer, LiteConfig, Network, OccupancyField, Partial, build, compose, model_fill
+from goc.complete import (
+    SIZES,
+    Completer,
+    LiteConfig,
+    Network,
+    OccupancyField,
+    Partial,
+    build,
+    compose,
+    load_network,
+    model_fill,
+)
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.surfaces import vertex_normals
 from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
@@ -83,15 +94,26 @@ def half_seen_ball() -> ObjectMesh:
     )
 
 
-def seconds(action: Callable[[], object], repeats: int) -> float:
-    """Median wall time after one warm-up call."""
-    times = []
+@dataclass(frozen=True, kw_only=True)
+class Took:
+    """Medians over repeats."""
+
+    wall: float
+    """Seconds."""
+    cpu: float
+    """Seconds of all threads together: says more than the wall's where other work runs beside."""
+
+
+def timed(action: Callable[[], object], repeats: int) -> Took:
+    """Time a call after one warm-up call."""
+    wall, cpu = [], []
     for turn in range(repeats + 1):
-        start = time.perf_counter()
+        start, busy = time.perf_counter(), time.process_time()
         action()
         if turn:
-            times.append(time.perf_counter() - start)
-    return statistics.median(times)
+            wall.append(time.perf_counter() - start)
+            cpu.append(time.process_time() - busy)
+    return Took(wall=statistics.median(wall), cpu=statistics.median(cpu))
 
 
 def completed(found: ObjectMesh, network: Completer | None) -> ObjectMesh:
@@ -109,7 +131,7 @@ def completion_row(name: str, network: Network | None, repeats: int) -> dict[str
         completed(found, Counted(network, calls))
     return {
         "what": f"complete, {name}",
-        "seconds": seconds(lambda: completed(found, network), repeats),
+        "took": timed(lambda: completed(found, network), repeats),
         "queries": calls,
     }
 
@@ -122,13 +144,14 @@ def training_rows(name: str, network: Network, repeats: int) -> list[dict[str, o
     made = recipe(config)
     dealt = _batch(made)
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
-    stepped = seconds(lambda: step(network, state, dealt, config), repeats)
+    stepped = timed(lambda: step(network, state, dealt, config), repeats)
     each = feed.reuse**2
-    pooled = seconds(lambda: made.pool(1), 1) / each
+    pool = timed(lambda: made.pool(1), 1)
+    pooled = Took(wall=pool.wall / each, cpu=pool.cpu / each)
     shape = f"{feed.batch} objects x {feed.queries:,} queries"
     return [
-        {"what": f"training step, {name}, {shape}", "seconds": stepped, "queries": []},
-        {"what": f"its batch, one of {each} of a pool" if each > 1 else "its batch", "seconds": pooled, "queries": []},
+        {"what": f"training step, {name}, {shape}", "took": stepped, "queries": []},
+        {"what": f"its batch, one of {each} of a pool" if each > 1 else "its batch", "took": pooled, "queries": []},
     ]
 
 
@@ -136,15 +159,17 @@ def _batch(made: Recipe) -> TrainingBatch:
     return next(made.deal(made.pool(0), 0))
 
 
-def table(rows: list[dict[str, object]], product: float) -> str:
+def table(rows: list[dict[str, object]], product: Took) -> str:
     """The rows as Markdown."""
     dense = (CELLS + 4) ** 3
-    lines = ["| what | s | queries by level | share of dense | time / product |", "|---|---|---|---|---|"]
+    lines = ["| what | s | CPU s | queries by level | share of dense | CPU / product |", "|---|---|---|---|---|---|"]
     for row in rows:
-        calls, took = row["queries"], row["seconds"]
+        calls, took = row["queries"], row["took"]
         asked = " + ".join(f"{count:,}" for count in calls) or "-"
         share = f"{sum(calls) / dense:.1%}" if calls else "-"
-        lines.append(f"| {row['what']} | {took:.2f} | {asked} | {share} | {took / product:,.0f} |")
+        lines.append(
+            f"| {row['what']} | {took.wall:.2f} | {took.cpu:.2f} | {asked} | {share} | {took.cpu / product.cpu:,.0f} |"
+        )
     return "\n".join(lines)
 
 
@@ -154,10 +179,11 @@ def main() -> None:
     parser.add_argument("--sizes", nargs="+", default=["lite", "S"], choices=["lite", *SIZES])
     parser.add_argument("--repeats", type=int, default=3)
     parser.add_argument("--no-training", action="store_true", help="time completion alone")
+    parser.add_argument("--weights", type=Path, help="complete with these as well: a trained field has less surface")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()
     matrix = torch.rand(1024, 1024)
-    product = seconds(lambda: matrix @ matrix, 15)
+    product = timed(lambda: matrix @ matrix, 15)
     rows = [completion_row("hull", None, arguments.repeats)]
     for size in arguments.sizes:
         network = build(LiteConfig() if size == "lite" else SIZES[size]).eval()
@@ -165,13 +191,16 @@ def main() -> None:
         rows.append(completion_row(size, network, repeats))
         if not arguments.no_training:
             rows += training_rows(size, network, repeats)
+    if arguments.weights:
+        rows.append(completion_row(arguments.weights.name, load_network(arguments.weights), arguments.repeats))
     print(
         f"{_native.simd_level()}, {torch.get_num_threads()} threads, {CELLS} voxels along the longest side, "
-        f"1024² float32 product: {1e3 * product:.1f} ms\n"
+        f"1024² float32 product: {1e3 * product.wall:.1f} ms, {1e3 * product.cpu:.1f} ms of CPU\n"
     )
     print(table(rows, product))
     if arguments.json:
-        document = {"simd": _native.simd_level(), "threads": torch.get_num_threads(), "product_seconds": product}
+        document = {"simd": _native.simd_level(), "threads": torch.get_num_threads(), "product": asdict(product)}
+        rows = [row | {"took": asdict(row["took"])} for row in rows]
         arguments.json.write_text(json.dumps(document | {"rows": rows}, indent=1))
 
 

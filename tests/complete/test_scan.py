@@ -99,6 +99,27 @@ def test_strays_are_left_out_and_said():
     ]
 
 
+def test_parts_that_did_not_make_it_are_told():
+    """Twelve little balls round a large one, each less of the scan than a part must be."""
+    thing = ball(8000)
+    around = 2 * np.pi * np.arange(12) / 12
+    places = CENTRE + 2 * RADIUS * np.stack([np.cos(around), np.sin(around), np.zeros(12)], -1)
+    directions = np.random.default_rng(0).normal(size=(12, 60, 3))
+    directions /= np.linalg.norm(directions, axis=2, keepdims=True)
+    little = (places[:, None] + 0.1 * directions).reshape(-1, 3)
+    cloud = PointCloud(
+        positions=np.concatenate([thing.positions, little]).astype(np.float32),
+        colours=np.zeros((len(thing.positions) + len(little), 3), np.uint8),
+        normals=np.concatenate([thing.normals, directions.reshape(-1, 3)]).astype(np.float32),
+    )
+    heard = []
+    complete_scan(cloud, ScanConfig(cells=32), heard.append)
+    assert any("walls thinner than a voxel" in event.message and "Raise --cells" in event.message for event in heard)
+    heard.clear()
+    complete_scan(thing, ScanConfig(cells=32), heard.append)
+    assert heard == []
+
+
 def test_too_few_points_and_settings_without_meaning_are_refused():
     few = PointCloud(positions=np.zeros((60, 3), np.float32), colours=np.zeros((60, 3), np.uint8))
     with pytest.raises(CompleteError, match="60 points tell no surface: 50 are needed, in more than one place"):

@@ -24,6 +24,8 @@ _ROOM = 0.125
 """Room round the points, longest sides."""
 _LEAST_OBSERVED = 0.005
 """Share of the closed surface that lies on the scan, below which the scan was taken for the wall of a hollow."""
+_LOST_VOXELS, _LOST_SHARE = 2.0, 0.05
+"""Points this far off the closed surface are lost; more than this share of them is told."""
 _STRAY = 6.0
 """Points whose neighbours are this many times further off than is usual are strays."""
 
@@ -68,7 +70,19 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
             f"{done.observed.mean():.1%} of the closed surface is the scan's own: its normals look inwards. Turn them "
             "round, or pass --viewpoint, where the sensor stood."
         )
+    _tell_lost(cloud.positions, done, notify)
     return done
+
+
+def _tell_lost(points: Float32[np.ndarray, "p 3"], done: ObjectMesh, notify: Listener) -> None:
+    off = cKDTree(done.mesh.vertices).query(points)[0]
+    lost = float((off > _LOST_VOXELS * done.evidence.voxel).mean())
+    if lost > _LOST_SHARE:
+        message = (
+            f"{lost:.0%} of the scan's points are not on the closed surface: walls thinner than a voxel "
+            f"({done.evidence.voxel:.3g}) vanish, and so do pieces apart from the rest. Raise --cells."
+        )
+        notify(Warned(stage="complete", message=message))
 
 
 def _prepared(cloud: PointCloud, viewpoint: Float64[np.ndarray, "3"] | None, notify: Listener) -> PointCloud:
