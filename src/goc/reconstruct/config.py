@@ -22,6 +22,12 @@ class LossWeights:
     """L_geo: pixels carried to a neighbour's surface and back, against where they started (paper: 0.3)."""
     identity: float = 0.1
     """L_o: cross-entropy of learned instance features; only with labels = learned."""
+    identity_every: int = 1
+    """Steps from one that renders features and has L_o to the next; there L_o weighs that many times as much."""
+
+    def __post_init__(self) -> None:
+        if self.identity_every < 1:
+            raise ConfigError(f"--reconstruct.losses.identity-every is {self.identity_every}: needs 1 or more.")
 
 
 @dataclass(frozen=True)
