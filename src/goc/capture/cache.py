@@ -6,7 +6,6 @@ from threading import Lock
 
 from goc.scene import Frame
 
-
 _FRESH = 2
 """Views that stay although the budget is spent: a step asks for its view and a neighbour several times."""
 
