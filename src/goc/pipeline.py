@@ -8,7 +8,7 @@ from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
 from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
-from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
+from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
 from goc.scene import SceneAssets
 from goc.segment import SegmentConfig, segment
 
@@ -40,6 +40,7 @@ PRESETS = {
             depth="expected",
             labels="learned",
             losses=LossWeights(depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1),
+            rates=LearningRates(means=1.6e-4, opacity_logits=5e-2, sh_constant=2.5e-3, sh_rest=1.25e-4),
             mcmc=Mcmc(growth=0.05),
         )
     ),

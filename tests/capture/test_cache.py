@@ -32,18 +32,30 @@ def test_views_within_the_budget_are_decoded_once():
     assert cache.held == 900
 
 
-def test_the_view_used_longest_ago_goes_first():
+def test_views_beyond_the_budget_take_turns_and_the_first_ones_stay():
     decode = Counting()
-    cache = FrameCache(decode, count=3, budget=600)
-    for index in (0, 1, 0, 2, 0, 1):
-        cache(index)
-    assert decode.calls == [0, 1, 2, 1]
+    cache = FrameCache(decode, count=6, budget=600)
+    for index in (0, 1, 2, 3, 2, 4, 2, 0, 1):  # 2 and 3 are the fresh ones, then 3 and 4
+        assert cache(index).image[0, 0, 0] == index
+    assert decode.calls == [0, 1, 2, 3, 4, 2]
     assert cache.held == 600
 
 
-def test_a_view_beyond_the_budget_is_returned_and_not_kept():
-    cache = FrameCache(frame, count=1, budget=299)
-    assert cache(0).image.shape == (10, 10, 3)
+def test_going_through_all_views_finds_as_many_as_fit():
+    decode = Counting()
+    cache = FrameCache(decode, count=10, budget=900)
+    for _ in range(4):
+        for index in range(10):
+            cache(index)
+    assert len(decode.calls) == 10 + 3 * 7
+
+
+def test_without_a_budget_a_step_still_decodes_its_two_views_once():
+    decode = Counting()
+    cache = FrameCache(decode, count=9, budget=0)
+    for index in (7, 3, 7, 3):
+        cache(index)
+    assert decode.calls == [7, 3]
     assert cache.held == 0
 
 

@@ -23,6 +23,8 @@ def test_a_preset_gives_defaults_that_settings_change(words):
     weights = PRESETS["paper"].reconstruct.losses
     assert (weights.depth, weights.depth_normal, weights.identity) == (0.3, 0.1, 0.1)
     assert (weights.photometric, weights.geometric) == (0.3, 0.3)
+    rates = PRESETS["paper"].reconstruct.rates  # those of 3D Gaussian Splatting, whatever preset fast has
+    assert (rates.means, rates.opacity_logits, rates.sh_constant, rates.sh_rest) == (1.6e-4, 5e-2, 2.5e-3, 1.25e-4)
 
 
 def test_shortcuts_reach_their_stages():

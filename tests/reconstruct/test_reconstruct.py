@@ -9,11 +9,13 @@ import torch
 import captures
 from goc import _native
 from goc.capture import CaptureConfig, load_capture
-from goc.errors import ReconstructError
+from goc.errors import ConfigError, ReconstructError
 from goc.raster import render_labels
-from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
+from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, priors, reconstruct, split_views, vote_labels
+from goc.reconstruct.labels import capture_ids, votes_of_view
 from goc.reconstruct.seed import splat_budget
-from goc.scene import UNLABELLED, Capture, Gaussians
+from goc.reconstruct.view_loss import classes_of, identity_stride
+from goc.scene import UNLABELLED, Camera, Capture, Gaussians
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
 
@@ -165,3 +167,57 @@ def test_small_views_get_fewer_splats(capture):
     assert splat_budget(capture, QUICK) == 1500
     large = replace(capture, cameras=tuple(camera.resized(640, 480) for camera in capture.cameras))
     assert splat_budget(large, ReconstructConfig()) == ReconstructConfig().mcmc.max_splats
+
+
+def test_votes_of_the_ids_in_view_are_the_votes_of_all_ids(capture):
+    gaussians = reconstruct(capture, replace(QUICK, iterations=5, checkpoint_every=0)).gaussians
+    views = list(range(len(capture)))
+    names = capture_ids(capture, views)
+    total = sum(votes_of_view(gaussians, capture.cameras[view], capture[view].ids, names) for view in views)
+    expected = torch.tensor(names, dtype=torch.int16)[total.argmax(-1)]
+    found = vote_labels(gaussians, capture, views)
+    assert torch.equal(found, torch.where(total.sum(-1) > 0, expected, UNLABELLED))
+    part = replace(capture, load=lambda index: replace(capture[index], ids=capture[index].ids.clamp_max(index % 3)))
+    assert len(capture_ids(part, [0])) < len(capture_ids(part, views))  # views that show fewer ids than there are
+    assert set(torch.unique(vote_labels(gaussians, part, views)).tolist()) <= {UNLABELLED, *capture_ids(part, views)}
+
+
+def test_classes_are_places_in_the_list_of_names():
+    ids = torch.tensor([0, 7, 3, -1, 9, 8], dtype=torch.int16)
+    assert classes_of(ids, [0, 3, 7, 9]).tolist() == [0, 2, 1, UNLABELLED, 3, UNLABELLED]
+
+
+@pytest.mark.parametrize(("size", "stride"), [((48, 64), 1), ((384, 384), 3), ((480, 640), 5)])
+def test_identity_loss_keeps_to_its_pixels_wherever_the_grid_starts(size, stride):
+    assert identity_stride(size[0] * size[1]) == stride
+    assert len(range(0, size[0], stride)) * len(range(0, size[1], stride)) <= 16_384 * 1.02
+
+
+def test_features_change_only_in_the_steps_that_have_their_loss(capture):
+    config = replace(QUICK, checkpoint_every=0, labels="learned", losses=LossWeights(identity_every=3))
+    features = [reconstruct(capture, replace(config, iterations=n)).gaussians.identity for n in (1, 3, 4)]
+    assert torch.equal(features[0], features[1])
+    assert not torch.equal(features[1], features[2])
+    rare = reconstruct(capture, replace(config, iterations=150))
+    assert label_agreement(capture, rare) > 0.9
+    with pytest.raises(ConfigError, match="identity-every is 0: needs 1 or more"):
+        LossWeights(identity_every=0)
+
+
+def test_normals_that_came_first_stay(monkeypatch):
+    fitted = []
+    monkeypatch.setattr(priors, "fitted_normals", lambda depth, *_: fitted.append(depth) or torch.ones(4, 5, 3))
+    monkeypatch.setattr(priors, "fitting_radius", lambda *_: 1)
+    normals_of = priors.FittedNormals(budget=2 * 60)
+    depth = torch.ones(4, 5)
+    for view in (0, 1, 2, 0, 1, 2):
+        assert (normals_of(view, 0.0, depth, camera_of(5, 4)) == 127).all()
+    assert len(fitted) == 4  # view 2 twice
+    normals_of(0, 0.5, depth, camera_of(5, 4))  # another shape of a view that is kept
+    normals_of(0, 0.5, depth, camera_of(5, 4))
+    assert len(fitted) == 5
+
+
+def camera_of(width, height):
+    middle = torch.tensor([width / 2, height / 2])
+    return Camera(focal_px=middle, centre_px=middle, width=width, height=height, world_from_cam=torch.eye(4))

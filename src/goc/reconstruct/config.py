@@ -22,13 +22,19 @@ class LossWeights:
     """L_geo: pixels carried to a neighbour's surface and back, against where they started (paper: 0.3)."""
     identity: float = 0.1
     """L_o: cross-entropy of learned instance features; only with labels = learned."""
+    identity_every: int = 1
+    """Steps from one that renders features and has L_o to the next; there L_o weighs that many times as much."""
+
+    def __post_init__(self) -> None:
+        if self.identity_every < 1:
+            raise ConfigError(f"--reconstruct.losses.identity-every is {self.identity_every}: needs 1 or more.")
 
 
 @dataclass(frozen=True)
 class LearningRates:
-    """Adam's step sizes."""
+    """Adam's step sizes. Those of 3D Gaussian Splatting (preset paper) are for 30,000 steps; docs/decisions/0029."""
 
-    means: float = 1.6e-4
+    means: float = 3.2e-4
     """Times the scene's extent; falls exponentially to means_final of itself."""
     means_final: float = 0.01
     """What is left of the rate of the means at the last step."""
@@ -36,11 +42,11 @@ class LearningRates:
     """Rotations."""
     log_scales: float = 5e-3
     """Sizes."""
-    opacity_logits: float = 5e-2
+    opacity_logits: float = 0.1
     """Opacities."""
-    sh_constant: float = 2.5e-3
+    sh_constant: float = 5e-3
     """View-independent colour."""
-    sh_rest: float = 1.25e-4
+    sh_rest: float = 1e-3
     """View-dependent colour."""
     identity: float = 2.5e-3
     """Instance features and their classifier."""

@@ -44,15 +44,22 @@ def votes_of_view(
 def vote_labels(
     gaussians: Gaussians, capture: Capture, views: list[int], notify: Listener = ignore
 ) -> Int16[Tensor, "n"]:
-    """Give each splat the id that most of its weight falls on, summed over the views; UNLABELLED if never seen."""
-    names = capture_ids(capture, views)
-    total = torch.zeros(len(gaussians), len(names))
+    """Give each splat the id that most of its weight falls on, summed over the views; UNLABELLED if never seen.
+
+    Each view is asked for the ids that it shows and no others: rooms have many, a view few.
+    """
     fixed = gaussians.detached()
+    totals: dict[int, Float[Tensor, "n"]] = {}
     for done, view in enumerate(views, 1):
         frame = capture[view]
-        if frame.ids is not None:
-            total += votes_of_view(fixed, frame.camera, frame.ids, names)
+        names = [] if frame.ids is None else sorted(set(torch.unique(frame.ids).tolist()) - {UNLABELLED})
+        if frame.ids is not None and names:
+            votes = votes_of_view(fixed, frame.camera, frame.ids, names)
+            for name, column in zip(names, votes.unbind(-1), strict=True):
+                totals[name] = totals[name] + column if name in totals else column.clone()
         notify(Progress(stage="label", done=done, total=len(views)))
+    names = sorted(totals)
+    total = torch.stack([totals[name] for name in names], -1) if names else torch.zeros(len(fixed), 0)
     return _winners(total, names, total.sum(-1) > 0)
 
 

@@ -152,7 +152,6 @@ class _Geometry(torch.autograd.Function):
 
 def identity_loss(logits: Float[Tensor, "p k"], classes: Int16[Tensor, "p"]) -> Float[Tensor, ""]:
     """L_o: cross-entropy between predicted and given instance, mean over labelled pixels; 0 where none is."""
-    known = classes != UNLABELLED
-    if not known.any():
+    if not (classes != UNLABELLED).any():
         return logits.sum() * 0.0
-    return torch.nn.functional.cross_entropy(logits[known], classes[known].long())
+    return torch.nn.functional.cross_entropy(logits, classes.long(), ignore_index=UNLABELLED)

@@ -1,6 +1,5 @@
 """What a view's geometry is compared with: its depth, and the normals of that depth."""
 
-from collections import OrderedDict
 from collections.abc import Callable
 
 import torch
@@ -26,7 +25,7 @@ def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) 
     Normals come from the capture where it has them, else from planes fitted to the depth, in windows that grow with
     the depth's noise. Monocular depth is aligned first.
     """
-    normals_of = _FittedNormals()
+    normals_of = FittedNormals()
     kind = capture.depth_kind
 
     def prior(view: int, views: dict[str, Tensor], shown: RenderedDepth, epoch: int) -> GeometryPrior | None:
@@ -48,19 +47,24 @@ def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) 
     return prior
 
 
-class _FittedNormals:
-    """Keeps normals as signed bytes (0.4° steps) within bounds: fitting takes longer than half a step."""
+class FittedNormals:
+    """Keeps normals as signed bytes (0.4° steps) within a budget: fitting takes longer than half a step.
 
-    def __init__(self) -> None:
-        self._kept: OrderedDict[int, tuple[float, Tensor]] = OrderedDict()
+    Views that came first stay, as in the capture's own cache: steps go through all views before one comes again.
+    """
+
+    def __init__(self, budget: int = _CACHE_BYTES) -> None:
+        """Keep at most `budget` bytes."""
+        self._budget, self._held = budget, 0
+        self._kept: dict[int, tuple[float, Tensor]] = {}
 
     def __call__(self, view: int, shape: float, depth: Float[Tensor, "h w"], camera: Camera) -> Int8[Tensor, "h w 3"]:
         """Normals of a view's depth, 0 0 0 = none; `shape` tells depths of one view apart."""
         if view in self._kept and self._kept[view][0] == shape:
-            self._kept.move_to_end(view)
-        else:
-            normals = fitted_normals(depth, camera, fitting_radius(depth, camera))
-            self._kept[view] = shape, torch.nan_to_num(normals * 127.0).round().to(torch.int8)
-            while len(self._kept) > 1 and sum(kept.numel() for _, kept in self._kept.values()) > _CACHE_BYTES:
-                self._kept.popitem(last=False)
-        return self._kept[view][1]
+            return self._kept[view][1]
+        fitted = fitted_normals(depth, camera, fitting_radius(depth, camera))
+        normals = torch.nan_to_num(fitted * 127.0).round().to(torch.int8)
+        if view in self._kept or self._held + normals.numel() <= self._budget:
+            self._held += 0 if view in self._kept else normals.numel()
+            self._kept[view] = shape, normals
+        return normals

@@ -151,8 +151,8 @@ def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:
     """Training and held-out views: every n-th, from the middle of each run of n; none of a capture of few views."""
     if holdout_every <= 0 or count < _MIN_VIEWS_TO_HOLD_OUT:
         return list(range(count)), []
-    held_out = list(range(holdout_every // 2, count, holdout_every))
-    return [view for view in range(count) if view not in set(held_out)], held_out
+    held_out = range(holdout_every // 2, count, holdout_every)
+    return [view for view in range(count) if view not in held_out], list(held_out)
 
 
 def _extent(capture: Capture) -> float:
