@@ -15,7 +15,7 @@ from goc.reconstruct.state import State
 from goc.reconstruct.task import Task, generator_of
 from goc.scene.capture import Frame
 
-_IDENTITY_PIXELS = 16_384
+IDENTITY_PIXELS = 16_384
 """Pixels a step whose features are classified: all of them would make the MLP dearer than the view."""
 
 
@@ -42,6 +42,6 @@ def _identity_loss(task: Task, state: State, features: Float[Tensor, "f h w"], f
     classes = torch.full_like(frame.ids, -1)
     for place, name in enumerate(task.names):
         classes[frame.ids == name] = place
-    pixels = torch.randint(0, classes.numel(), (_IDENTITY_PIXELS,), generator=generator_of(task.config, 1, state.step))
+    pixels = torch.randint(0, classes.numel(), (IDENTITY_PIXELS,), generator=generator_of(task.config, 1, state.step))
     logits = classify(features.flatten(1)[:, pixels].T, state.shared)
     return identity_loss(logits, classes.reshape(-1)[pixels])
