@@ -23,6 +23,12 @@ class ConfigError(GocError):
     """A setting is out of range or contradicts another."""
 
 
+class EngineError(GocError):
+    """Splats cannot be drawn on this machine in the way that was asked for."""
+
+    exit_code = 4
+
+
 class ReconstructError(GocError):
     """Optimisation cannot start or went wrong (non-finite loss, unusable checkpoint)."""
 

@@ -8,6 +8,7 @@ from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
 from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
+from goc.raster import CPU, choose_engine, working_device
 from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
 from goc.scene import SceneAssets
 from goc.segment import SegmentConfig, segment
@@ -60,11 +61,13 @@ def carve(
         resume: continue the stopped run in `out`; starts from the beginning where there is none.
 
     Raises:
+        EngineError: `config.reconstruct.engine` is cuda and does not work here.
         GocError: a subclass for each stage. What was in `out` is then as it was before.
     """
     config = config or PRESETS["fast"]
     check_completion(config.complete)
     run = RunRecord(notify)
+    engine = choose_engine(config.reconstruct.engine, run)
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):
             capture = given = load_capture(source, config.capture, run)
@@ -72,17 +75,19 @@ def carve(
             with run.stage("segment"):
                 capture = segment(given, config.segment, run)
         with run.stage("reconstruct"):
-            splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes)
-        views = rendered_views(splats, capture)
+            splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes, engine=engine)
+        views = rendered_views(splats, capture, engine.device)
         if not capture.has_ids:  # nor metric depth: the splats' own depth has to do
             with run.stage("segment"):
                 views = segment(views, config.segment, run)
-                splats = replace(splats, labels=vote_labels(splats.gaussians, views, list(range(len(views))), run))
+                voting = splats.gaussians.to(engine.device)
+                splats = replace(splats, labels=vote_labels(voting, views, list(range(len(views))), run))
         with run.stage("extract"):
-            scene = fuse_scene(views, config.extract, run)
-            objects = extract_objects(views, config.extract, run)
+            scene = fuse_scene(views, config.extract, run, engine.device)
+            objects = extract_objects(views, config.extract, run, engine.device)
         with run.stage("complete"):
-            completed = complete_objects(objects, config.complete, run)
+            device = CPU if config.reconstruct.engine == "cpu" else working_device()  # a network needs no gsplat
+            completed = complete_objects(objects, config.complete, run, device)
         assets = SceneAssets(
             reconstruction=splats,
             scene=scene,
@@ -93,7 +98,8 @@ def carve(
         )
         with run.stage("export"):
             export_scene(assets, views, output.staged, _title(source), config.export, run)
-        write_report(output.staged / REPORT, source, given, assets, run, config)
+        used = replace(config, reconstruct=replace(config.reconstruct, engine=engine.name))
+        write_report(output.staged / REPORT, source, given, assets, run, used)
         output.publish()
     return assets
 

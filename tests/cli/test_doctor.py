@@ -47,6 +47,23 @@ def test_whatever_a_trial_raises_is_one_line(error):
     assert found.value in ("two", "RuntimeError")
 
 
+@pytest.mark.parametrize(
+    ("flaw", "ok", "said"),
+    [
+        (None, True, "draws on the CUDA device as the processor does"),
+        ("PyTorch sees no CUDA device", False, "installed, not used: PyTorch sees no CUDA device"),
+    ],
+)
+def test_gsplat_is_judged_by_its_trial(monkeypatch, tmp_path, flaw, ok, said):
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: name)
+    monkeypatch.setattr(doctor, "version", lambda name: "1.5.3")
+    monkeypatch.setattr("goc.raster.cuda_flaw", lambda: flaw)
+    found = {finding.name: finding for finding in doctor.examine(tmp_path)}["gsplat"]
+    assert (found.ok, found.needed) == (ok, False)
+    assert "1.5.3 " + said in found.value
+    assert ok or "pip install goc[cuda]" in found.remedy
+
+
 def test_an_installation_without_kernels_is_examined_to_the_end(monkeypatch, capsys):
     monkeypatch.setitem(sys.modules, "goc.raster", None)  # importing it fails, as it does without kernels
     assert main(["doctor"]) == 4

@@ -6,6 +6,8 @@ import pytest
 import torch
 
 from goc.geometry.rays import pixel_rays
+from goc.raster import CPU, views_of
+from goc.reconstruct import device_losses
 from goc.reconstruct.losses import (
     GeometryPrior,
     RenderedDepth,
@@ -16,7 +18,6 @@ from goc.reconstruct.losses import (
     planes_depth,
 )
 from goc.scene import Camera
-from oracles import losses as oracle
 
 
 def camera(width: int = 23, height: int = 17) -> Camera:
@@ -46,16 +47,29 @@ def test_photometric_loss_and_gradient_match_the_definition(ssim_weight, shape):
     generator = torch.Generator().manual_seed(1)
     image = torch.rand(3, *shape, generator=generator) * 1.2 - 0.1
     target = (torch.rand(*shape, 3, generator=generator) * 255).to(torch.uint8)
-    fast, slow = image.clone().requires_grad_(), image.double().permute(1, 2, 0).clone().requires_grad_()
+    fast, slow = image.clone().requires_grad_(), image.double().requires_grad_()
+    exact = target.double().permute(2, 0, 1) / 255
     loss, square_error = photometric_loss(fast, target, ssim_weight)
-    expected = oracle.photometric(slow, target.double() / 255, ssim_weight)
+    expected, expected_error = device_losses.photometric(slow[None], exact[None], ssim_weight)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), abs=1e-6)
-    gradient = fast.grad.permute(1, 2, 0).double()
-    assert torch.allclose(gradient, slow.grad, atol=2e-6 * slow.grad.abs().max().item() + 1e-9, rtol=1e-3)
-    error = slow.detach().clamp(0, 1) - target.double() / 255
-    assert square_error == pytest.approx(error.square().mean().item(), rel=1e-5)
+    assert torch.allclose(fast.grad.double(), slow.grad, atol=2e-6 * slow.grad.abs().max().item() + 1e-9, rtol=1e-3)
+    assert square_error == pytest.approx(expected_error.item(), rel=1e-5)
+
+
+def test_ssim_is_that_of_a_dense_window():
+    """The twin blurs by rows and columns; the definition is an 11×11 window."""
+    x, y = torch.rand(2, 1, 3, 19, 23, dtype=torch.float64)
+    taps = torch.exp(-(torch.arange(-5, 6, dtype=torch.float64) ** 2) / 4.5)
+    window = torch.outer(taps, taps)[None, None] / taps.sum() ** 2
+    mx, my, xx, yy, xy = (
+        torch.nn.functional.conv2d(image.view(3, 1, 19, 23), window, padding=5) for image in (x, y, x * x, y * y, x * y)
+    )
+    ssim = (2 * mx * my + 1e-4) * (2 * (xy - mx * my) + 9e-4)
+    ssim = ssim / ((mx**2 + my**2 + 1e-4) * (xx - mx**2 + yy - my**2 + 9e-4))
+    found, _ = device_losses.photometric(x, y, 1.0)
+    assert found.item() == pytest.approx(1 - ssim.mean().item(), rel=1e-9)
 
 
 def test_photometric_loss_of_equal_images_is_zero():
@@ -67,14 +81,15 @@ def test_photometric_loss_of_equal_images_is_zero():
 @pytest.mark.parametrize("weights", [(1.0, 0.0), (0.0, 1.0), (0.3, 0.1)])
 def test_geometry_loss_and_gradient_match_the_definition(weights):
     numerator, denominator, prior = random_view(2)
-    alpha = torch.rand(17, 23) * 0.8 + 0.2
+    alpha = torch.rand(17, 23) * 0.95 + 0.05  # some below 0.1: those show nothing
+    denominator[5, 5:8] = 0.001
     fast = [numerator.clone().requires_grad_(), denominator.clone().requires_grad_()]
     slow = [numerator.double().requires_grad_(), denominator.double().requires_grad_()]
     rendered = RenderedDepth(numerator=fast[0], denominator=fast[1], alpha=alpha)
     loss = geometry_loss(rendered, prior, camera(), *weights)
-    depth = slow[0] / slow[1]
-    expected = weights[0] * oracle.depth_loss(depth, prior.depth.double())
-    expected = expected + weights[1] * oracle.depth_normal_loss(depth, prior.normals.double(), alpha.double(), camera())
+    depths = device_losses.Depths(numerator=slow[0][None], denominator=slow[1][None], alpha=alpha.double()[None])
+    priors = device_losses.Priors(depth=prior.depth.double()[None], normals=prior.normals.double()[None])
+    expected = device_losses.geometry(depths, priors, views_of([camera()], CPU).rays, *weights)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
@@ -97,7 +112,10 @@ def test_the_fraction_of_planes_has_the_gradient_of_its_definition():
     fast, (rays, alpha) = torch.randn(4, 17, 23).requires_grad_(), (pixel_rays(camera()), torch.ones(17, 23))
     slow = fast.detach().clone().requires_grad_()
     found, upstream = planes_depth(fast, alpha, camera()), torch.randn(2, 17, 23)
+    depths = device_losses.blended_depths(slow[None], alpha[None], views_of([camera()], CPU).rays)
     expected = -slow[3], -(slow[:3].permute(1, 2, 0) * rays).sum(-1)
+    assert torch.equal(depths.numerator[0], expected[0])
+    assert torch.allclose(depths.denominator[0], expected[1], atol=1e-5)
     assert torch.allclose(found.numerator, expected[0])
     assert torch.allclose(found.denominator, expected[1], atol=1e-5)
     torch.autograd.backward((found.numerator, found.denominator), tuple(upstream))

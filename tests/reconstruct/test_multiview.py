@@ -9,10 +9,11 @@ from torch import Tensor
 
 from goc import _native
 from goc.geometry.rays import pixel_rays
+from goc.raster import CPU, views_of
+from goc.reconstruct.device_pairs import Beside, Drawn, pair_losses
 from goc.reconstruct.losses import expected_depth
 from goc.reconstruct.multiview import Neighbour, PairWeights, inverse_depth, multiview_loss
 from goc.scene import Camera, Frame
-from oracles import multiview as oracle
 
 TOLERANCE = 0.05
 
@@ -81,12 +82,16 @@ def test_values_and_gradients_match_the_definition(photometric, geometric, strid
 
     weights = PairWeights(photometric=photometric, geometric=geometric, tolerance=TOLERANCE)
     loss = multiview_loss(expected_depth(fast[0], fast[1]), frame, neighbour_of(other, there, stride), weights)
-    images = frame.image.double() / 255, other.image.double() / 255
-    views = oracle.Pair(frame.camera, images[0], other.camera, images[1], stride)
-    arguments = (slow[0] / slow[1], alpha.double(), slow_there, views, TOLERANCE)
-    # the photometric loss does not move what hides
-    expected = photometric * oracle.photometric(arguments[0], arguments[1], slow_there.detach(), *arguments[3:])
-    expected = expected + geometric * oracle.geometric(*arguments)
+    images = [image.permute(2, 0, 1).double() / 255 for image in (frame.image, other.image)]
+    drawn = Drawn(
+        views=views_of([frame.camera], CPU),
+        numerator=slow[0],
+        denominator=slow[1],
+        alpha=alpha.double(),
+        image=images[0],
+    )
+    beside = Beside(views=views_of([other.camera], CPU), image=images[1], inverse_depth=slow_there, stride=stride)
+    expected = pair_losses(drawn, beside, weights)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), rel=1e-4, abs=1e-6)

@@ -8,8 +8,10 @@ import torch
 import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
+from goc.raster import CPU, NATIVE, views_of
 from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, reconstruct
 from goc.reconstruct.depth import draw_depth
+from goc.reconstruct.device_pairs import Beside, Drawn, landing_of
 from goc.reconstruct.multiview import inverse_depth
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import memory_stride, view_pairs
@@ -17,7 +19,6 @@ from goc.reconstruct.seed import seed
 from goc.reconstruct.state import State, initial_state
 from goc.reconstruct.task import Task
 from goc.scene import Capture, Gaussians
-from oracles import multiview as oracle
 
 WIDE = Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.4)
 BOTH = LossWeights(photometric=0.3, geometric=0.3)
@@ -53,6 +54,7 @@ def optimised(capture: Capture, config: ReconstructConfig) -> State:
         pairs=view_pairs(capture, views, config),
         prior=lambda *_: None,
         config=config,
+        engine=NATIVE,
     )
     return optimise(task, lambda: initial_state(seed(capture, views, config), {}), lambda event: None, None, False)
 
@@ -139,12 +141,11 @@ def disagreement(capture: Capture, state: State) -> float:
     found = []
     for view, others in pairs.neighbours.items():
         for other in others:
-            camera, there = capture.cameras[view], capture.cameras[other]
-            pair = oracle.Pair(camera, capture[view].image, there, capture[other].image)
-            depth = depths[view].numerator / depths[view].denominator
-            seen = oracle.visible(depth, depths[view].alpha, inverses[other], pair, tolerance=0.05)
-            points, _ = oracle.carried(depth, pair)
-            found.append((points[:, 2] * seen["inverse"] - 1)[seen["smooth"]].abs())
+            here, there = (views_of([capture.cameras[index]], CPU) for index in (view, other))
+            image = torch.zeros(3, here.height, here.width)
+            drawn = Drawn(views=here, image=image, **vars(depths[view]))
+            landing = landing_of(drawn, Beside(views=there, image=image, inverse_depth=inverses[other]), 0.05)
+            found.append((landing.z * landing.inverse - 1)[landing.smooth].abs())
     return torch.cat(found).median().item()
 
 

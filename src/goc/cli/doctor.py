@@ -71,8 +71,13 @@ def examine(folder: Path) -> list[Finding]:
         _tried("vectors", _try_vectors, False, "goc works, slower: there are no kernels for faster instructions here."),
         _tried("memory", _try_memory, False, less),
         _tried("disk", partial(_try_disk, folder), False, "free some space, or point --out elsewhere."),
-        _tried("cuda", _try_cuda, False, "not needed: this version of goc computes on the processor."),
-        _tried("gsplat", _try_gsplat, False, "not needed: this version of goc has its own engine."),
+        _tried("cuda", _try_cuda, False, "not needed: goc computes on the processor where there is no such device."),
+        _tried(
+            "gsplat",
+            _try_gsplat,
+            False,
+            "a CUDA device alone needs it: pip install goc[cuda], docs/guide/gpu.md.",
+        ),
     ]
 
 
@@ -155,13 +160,19 @@ def _try_cuda() -> str:
     ones = torch.ones(64, 64, device="cuda")
     if (ones @ ones)[0, 0].item() != 64.0:
         raise RuntimeError("a matrix product on the CUDA device came out wrong")
-    return f"works: {torch.cuda.get_device_name()} multiplied two matrices; this version of goc does not use it"
+    return f"works: {torch.cuda.get_device_name()} multiplied two matrices"
 
 
 def _try_gsplat() -> str:
+    """A trial view and its gradients, as `goc carve` has them before it takes the device."""
     if importlib.util.find_spec("gsplat") is None:
         raise RuntimeError("not installed")
-    return f"{version('gsplat')} installed, not tried; this version of goc does not use it"
+    from goc.raster import cuda_flaw
+
+    flaw = cuda_flaw()
+    if flaw is not None:
+        raise RuntimeError(f"{version('gsplat')} installed, not used: {flaw}")
+    return f"works: {version('gsplat')} draws on the CUDA device as the processor does"
 
 
 def _line(found: Finding) -> str:

@@ -16,6 +16,7 @@ from goc.errors import CompleteError
 from goc.events import Listener, Warned, ignore
 from goc.geometry.orientation import point_normals
 from goc.geometry.topology import watertight_flaw
+from goc.raster import working_device
 from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh, PointCloud
 
 _FEWEST, _MOST = 50, 200_000
@@ -59,7 +60,7 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
     if config.method == "smooth":
         fill = poisson_fill(cloud.positions, cloud.normals, with_margin(found.evidence))
     elif config.method != "hull":
-        model = network_for(config.method, config.weights)
+        model = network_for(config.method, config.weights, working_device())
         fill = model_fill(model, found, cloud.normals, config.threshold, coarse_cells=64)
     done = compose(found, fill)
     flaw = watertight_flaw(done.mesh)

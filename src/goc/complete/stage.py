@@ -5,6 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import torch
 from jaxtyping import Float32
 
 from goc.complete.compose import Composition, closed_object, compose_field, with_margin
@@ -18,6 +19,7 @@ from goc.errors import CompleteError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.geometry.surfaces import vertex_normals
 from goc.geometry.topology import watertight_flaw
+from goc.raster import CPU
 from goc.scene import Evidence, EvidenceGrid, ObjectMesh
 
 _SEAM_VOXELS = 4
@@ -29,7 +31,7 @@ _BAND = 3.0 / 128.0
 
 
 def complete_objects(
-    objects: tuple[ObjectMesh, ...], config: CompleteConfig, notify: Listener = ignore
+    objects: tuple[ObjectMesh, ...], config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
 ) -> tuple[ObjectMesh, ...]:
     """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
 
@@ -39,6 +41,7 @@ def complete_objects(
         objects: open meshes with their evidence.
         config: what fills the unknown.
         notify: hears one Progress an object, and a warning for each that cannot be closed.
+        device: where a network computes.
 
     Returns:
         Watertight objects in the order given (checked: ARCHITECTURE, decision 5); none where the method is none.
@@ -49,7 +52,7 @@ def complete_objects(
     """
     if config.method == "none":
         return ()
-    model = None if config.method == "hull" else network_for(config.method, config.weights)
+    model = None if config.method == "hull" else network_for(config.method, config.weights, device)
     closed: dict[int, ObjectMesh] = {}
     solids: list[Composition] = []
     for number, place in enumerate(_small_first(objects), 1):
@@ -147,8 +150,8 @@ def check_completion(config: CompleteConfig) -> None:
         network_for(config.method, config.weights)
 
 
-def network_for(method: str, weights: Path | None) -> Completer:
-    """The network that a method names, from the weights given, or from those that goc ships.
+def network_for(method: str, weights: Path | None, device: torch.device = CPU) -> Completer:
+    """The network that a method names, from the weights given, or from those that goc ships, on a device.
 
     Raises:
         CompleteError: the weights are missing, or of the other network.
@@ -157,7 +160,7 @@ def network_for(method: str, weights: Path | None) -> Completer:
     network = load_network(path)
     if not isinstance(network, OscLite if method == "lite" else Osc):
         raise CompleteError(f"{path}: these are not weights of {method}. Choose the method that they were made for.")
-    return network
+    return network.to(device)
 
 
 def _near(voxels: np.ndarray, reach: int) -> np.ndarray:

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import torch
 from jaxtyping import Float32
 
 from goc.errors import ExtractError
@@ -11,29 +12,31 @@ from goc.extract.cells import Cells, count_cells
 from goc.extract.clean import without_crumbs
 from goc.extract.config import ExtractConfig
 from goc.extract.depth import depth_views
+from goc.extract.device_volume import fused
 from goc.extract.volume import Lattice, Volume, blocks_near, surface
+from goc.raster import CPU
 from goc.scene import Capture, Mesh
 
 _SCENE_CRUMB = 1e-4
 """Share of the scene's area below which a loose piece is a floater: 1 dm² in a room."""
 
 
-def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore) -> Mesh:
+def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore, device: torch.device = CPU) -> Mesh:
     """Mesh everything the views saw, with colours; surfaces that nobody saw stay open.
 
     Args:
         views: Frames with depth; their ids are not looked at.
         config: Voxel and votes.
         notify: Hears progress, and a warning where the scene is too large for its voxel.
+        device: Where views are fused.
 
     Raises:
         ExtractError: no view has depth, or no surface is left.
     """
     size = 2.0 * config.scene_voxel * views.unit
     cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
-    volume = Volume(_lattice(cells, views.unit, config, notify))
-    for view in depth_views(views, "fuse scene", notify):
-        volume.add(view, wanted=None)
+    lattice = _lattice(cells, views.unit, config, notify)
+    (volume,) = fused([lattice], [None], depth_views(views, "fuse scene", notify), device)
     least = min(config.least_views, math.ceil(len(views) / 10))
     distance = np.where(volume.views >= least, voted_distance(volume, config), np.float32(np.nan))
     mesh = without_crumbs(surface(volume, distance), _SCENE_CRUMB).mesh

@@ -1,8 +1,9 @@
 """One open mesh an object, from its own pixels, with what was measured round it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
+import torch
 from jaxtyping import Int32
 
 from goc.errors import ExtractError
@@ -10,10 +11,12 @@ from goc.events import Listener, Warned, ignore
 from goc.extract.cells import count_cells, object_cells
 from goc.extract.clean import without_crumbs
 from goc.extract.config import ExtractConfig
-from goc.extract.depth import depth_views
+from goc.extract.depth import DepthView, depth_views
+from goc.extract.device_volume import fused
 from goc.extract.evidence import evidence_grid, evidence_lattice
 from goc.extract.fuse import voted_distance
 from goc.extract.volume import Lattice, Surface, Volume, blocks_near, surface
+from goc.raster import CPU
 from goc.scene import ROOM, Capture, EvidenceGrid, ObjectMesh
 
 _CELL = 0.02
@@ -22,13 +25,16 @@ _CLEAR_LOOK = 0.02
 """Weight of one clear look, cos θ / z²: facing the surface from 7 m, or at 60 degrees from 5 m."""
 
 
-def extract_objects(views: Capture, config: ExtractConfig, notify: Listener = ignore) -> tuple[ObjectMesh, ...]:
+def extract_objects(
+    views: Capture, config: ExtractConfig, notify: Listener = ignore, device: torch.device = CPU
+) -> tuple[ObjectMesh, ...]:
     """Mesh every object from the depth of its own pixels; other rays say where it is not.
 
     Args:
         views: Frames with depth and ids; ids above ROOM are objects. Labels of ids nobody sees are warned about.
         config: Voxels, votes and the evidence box.
         notify: Hears progress and warnings.
+        device: Where views are fused.
 
     Returns:
         Objects in the order of their ids, each an open mesh with its evidence grid, scene units.
@@ -38,7 +44,11 @@ def extract_objects(views: Capture, config: ExtractConfig, notify: Listener = ig
     """
     if not views.has_ids:
         raise ExtractError(f"None of {len(views)} views has instance ids: objects cannot be told apart. Segment first.")
-    cells = count_cells(depth_views(views, "find objects", notify), _CELL * views.unit, by_id=True)
+
+    def depths(stage: str) -> Callable[[], Iterator[DepthView]]:
+        return lambda: depth_views(views, stage, notify)
+
+    cells = count_cells(depths("find objects")(), _CELL * views.unit, by_id=True)
     lattices: dict[int, Lattice] = {}
     for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.labels)):
         own = object_cells(cells, wanted) if wanted > ROOM else None
@@ -47,7 +57,7 @@ def extract_objects(views: Capture, config: ExtractConfig, notify: Listener = ig
         elif own is not None:
             notify(_missing(wanted, views))
     surfaces: dict[int, Surface] = {}
-    for wanted, volume in _fused(lattices, views, config, "fuse objects", notify):
+    for wanted, volume in _fused(lattices, depths("fuse objects"), config, device):
         cleaned = without_crumbs(surface(volume, voted_distance(volume, config)), config.crumb_share)
         if len(cleaned.mesh.faces) > 0:
             surfaces[wanted] = cleaned
@@ -56,7 +66,7 @@ def extract_objects(views: Capture, config: ExtractConfig, notify: Listener = ig
     boxes = {wanted: evidence_lattice(found.mesh.vertices, views.unit, config) for wanted, found in surfaces.items()}
     return tuple(
         _object_mesh(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
-        for wanted, box in _fused(boxes, views, config, "gather evidence", notify)
+        for wanted, box in _fused(boxes, depths("gather evidence"), config, device)
     )
 
 
@@ -84,7 +94,10 @@ def _fine_lattice(own: Int32[np.ndarray, "n 3"], size: float, unit: float, confi
 
 
 def _fused(
-    lattices: Mapping[int, Lattice], views: Capture, config: ExtractConfig, stage: str, notify: Listener
+    lattices: Mapping[int, Lattice],
+    depths: Callable[[], Iterator[DepthView]],
+    config: ExtractConfig,
+    device: torch.device,
 ) -> Iterator[tuple[int, Volume]]:
     """Fuse all views onto each object's lattice, as many objects at a time as memory allows."""
     waiting = list(lattices)
@@ -94,8 +107,4 @@ def _fused(
         while waiting and used + len(lattices[waiting[0]].blocks) <= config.memory_blocks:
             turn.append(waiting.pop(0))
             used += len(lattices[turn[-1]].blocks)
-        full = [Volume(lattices[wanted]) for wanted in turn]
-        for view in depth_views(views, stage, notify):
-            for wanted, volume in zip(turn, full, strict=True):
-                volume.add(view, wanted)
-        yield from zip(turn, full, strict=True)
+        yield from zip(turn, fused([lattices[wanted] for wanted in turn], turn, depths(), device), strict=True)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from goc.raster import median_depth, render, render_labels
+from goc.raster import CPU, median_depth, render, render_labels
 from goc.scene.capture import UNLABELLED, Capture, Frame
 from goc.scene.reconstruction import Reconstruction
 
@@ -19,13 +19,14 @@ _MAX_SPREAD = 0.02
 Its blended depth would put flying surface between; it gets the depth of the one splat that makes it half opaque."""
 
 
-def rendered_views(reconstruction: Reconstruction, capture: Capture) -> Capture:
+def rendered_views(reconstruction: Reconstruction, capture: Capture, device: torch.device = CPU) -> Capture:
     """The capture with its depth and ids replaced by those of the splats, rendered on demand.
 
     Depth is that of the splats' planes, not of their centres: it has no bias on slanted splats. Images stay the
-    photographs. What was rendered is kept, within bounds, since extraction looks at each view several times.
+    photographs. What was rendered is kept, within bounds, since extraction looks at each view several times. Splats are
+    drawn on `device`; the views are on the processor.
     """
-    gaussians, labels = reconstruction.gaussians, reconstruction.labels
+    gaussians, labels = reconstruction.gaussians.to(device), reconstruction.labels.to(device)
     labelled = bool((labels != UNLABELLED).any())
     kept: dict[int, tuple[Tensor, Tensor | None]] = {}
 
@@ -35,7 +36,7 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture) -> Capture:
         mixed = shown.depth_spread > _MAX_SPREAD * shown.depth
         depth = torch.where(mixed, median_depth(gaussians, camera), shown.plane_depth)
         depth = torch.where(shown.alpha >= _MIN_ALPHA, depth, torch.nan)
-        return depth, render_labels(gaussians, labels, camera, _MIN_ALPHA) if labelled else None
+        return depth.cpu(), render_labels(gaussians, labels, camera, _MIN_ALPHA).cpu() if labelled else None
 
     def load(index: int) -> Frame:
         depth, ids = kept[index] if index in kept else rendered(index)

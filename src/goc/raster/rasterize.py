@@ -1,4 +1,4 @@
-"""`rasterize`: differentiable alpha blending of any channels on the CPU, by native/raster.cpp."""
+"""`rasterize`: differentiable alpha blending of any channels, by native/raster.cpp or, on a CUDA device, by gsplat."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +9,8 @@ from jaxtyping import Bool, Float, Int32
 from torch import Tensor
 
 from goc import _native
+from goc.raster.gsplat_engine import blend_with_gsplat
+from goc.raster.views import views_of
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
@@ -24,7 +26,7 @@ def rasterize(
     Differentiable in the splats' means, quats, log_scales and opacity_logits and in `channels`; not in the camera.
     Projection is the EWA approximation with a 0.3 px² low-pass filter, as in 3D Gaussian Splatting (Kerbl et al. 2023)
     and gsplat 1.5.3: alpha in [1/255, 0.999], a ray ends before its transmittance falls below 1e-4.
-    The result does not depend on the number of threads.
+    The result does not depend on the number of threads. Splats on a CUDA device are drawn there, by gsplat.
 
     Args:
         gaussians: n splats; `sh` and `identity` are not looked at.
@@ -39,6 +41,9 @@ def rasterize(
     """
     if channels.shape[0] != len(gaussians):
         raise ValueError(f"channels has {channels.shape[0]} rows for {len(gaussians)} splats")
+    if channels.is_cuda:
+        image, alpha = blend_with_gsplat(gaussians, views_of([camera], channels.device), channels[None])
+        return image[0], alpha[0]
     planes, alpha = _Rasterize.apply(
         gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, channels, camera
     )
@@ -46,11 +51,14 @@ def rasterize(
 
 
 def median_splats(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "h w"]:
-    """The splat at which each pixel's transmittance falls below one half: the surface it shows; -1 where none does."""
+    """The splat at which each pixel's transmittance falls below one half: the surface it shows; -1 where none does.
+
+    Found on the CPU wherever the splats are: gsplat 1.5 has no such image.
+    """
     out = torch.zeros(camera.height, camera.width, dtype=torch.int32)
     with _binned(gaussians, camera) as raster:
         raster.median(out)
-    return out
+    return out.to(gaussians.means.device)
 
 
 def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:
@@ -58,14 +66,14 @@ def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:
     out = torch.zeros(len(gaussians), dtype=torch.uint8)
     with _binned(gaussians, camera) as raster:
         raster.visible(out)
-    return out.bool()
+    return out.bool().to(gaussians.means.device)
 
 
 @contextmanager
 def _binned(gaussians: Gaussians, camera: Camera) -> Iterator[_native.Raster]:
-    """A view of the splats that shows nothing in particular."""
+    """A view of the splats, on the CPU, that shows nothing in particular."""
     arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits)
-    splats = _native.Splats(*(array.detach().contiguous() for array in arrays))
+    splats = _native.Splats(*(array.detach().cpu().contiguous() for array in arrays))
     raster = idle_raster()
     image, alpha = torch.empty(1, camera.height, camera.width), torch.empty(camera.height, camera.width)
     raster.forward(splats, _native.Channels(torch.zeros(len(gaussians), 1)), native_camera(camera), [image], alpha)
@@ -89,7 +97,7 @@ def taken_raster(ctx: Any) -> _native.Raster:
 def native_camera(camera: Camera) -> _native.RasterCamera:
     """The camera as the kernels want it."""
     focal, centre = camera.focal_px.tolist(), camera.centre_px.tolist()
-    return _native.RasterCamera(camera.cam_from_world.contiguous(), *focal, *centre, camera.width, camera.height)
+    return _native.RasterCamera(camera.cam_from_world.cpu().contiguous(), *focal, *centre, camera.width, camera.height)
 
 
 class _Rasterize(torch.autograd.Function):

@@ -52,13 +52,15 @@ def median_depth(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "h w"]:
     It lies on one surface even where a pixel shows two: blended depths fly between them.
     """
     splats = median_splats(gaussians, camera)
+    camera = camera.to(gaussians.means.device)
     planes = plane_channels(gaussians, camera)[splats.clamp_min(0).long()]
     return torch.where(splats >= 0, plane_depth(planes, camera), torch.nan)
 
 
 @torch.no_grad()
 def render(gaussians: Gaussians, camera: Camera) -> Rendering:
-    """Colour, alpha, both depths and normals of one view."""
+    """Colour, alpha, both depths and normals of one view, where the splats are."""
+    camera = camera.to(gaussians.means.device)
     z = centre_depths(gaussians, camera)
     colours = colours_towards(gaussians.sh, gaussians.means, camera.position)
     channels = torch.cat([colours, torch.stack([z, z.square()], -1), plane_channels(gaussians, camera)], -1)
@@ -83,9 +85,10 @@ def render_labels(
     Splats without a label (UNLABELLED) take part: where they have most weight, the pixel has no id.
     """
     names = torch.unique(labels)
-    best = torch.full((camera.height, camera.width), -1.0)
-    ids = torch.full((camera.height, camera.width), UNLABELLED, dtype=torch.int16)
-    alpha = torch.zeros(camera.height, camera.width)
+    size, device = (camera.height, camera.width), labels.device
+    best = torch.full(size, -1.0, device=device)
+    ids = torch.full(size, UNLABELLED, dtype=torch.int16, device=device)
+    alpha = torch.zeros(size, device=device)
     for chunk in names.split(_LABELS_A_PASS):
         image, alpha = rasterize(gaussians, camera, (labels[:, None] == chunk).float())
         weight, winner = image.max(-1)

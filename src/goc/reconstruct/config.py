@@ -4,6 +4,7 @@ from dataclasses import dataclass, field
 from typing import Literal
 
 from goc.errors import ConfigError
+from goc.raster import EngineName
 
 
 @dataclass(frozen=True)
@@ -183,8 +184,13 @@ class Monocular:
 class ReconstructConfig:
     """How splats are optimised (paper §4)."""
 
+    engine: EngineName = "auto"
+    """What draws the splats, and where later stages compute. auto: a CUDA device if gsplat works there (a trial view
+    decides), else the processor."""
     iterations: int = 2000
-    """Optimisation steps, one view each."""
+    """Optimisation steps."""
+    views_a_step: int = 1
+    """Views whose mean loss makes a step; a CUDA device draws them in one call."""
     sh_degree: int = 1
     """Degree of view-dependent colour, 0 to 3."""
     depth: Literal["plane", "expected"] = "plane"
@@ -210,3 +216,7 @@ class ReconstructConfig:
     """Comparison of neighbouring views."""
     mcmc: Mcmc = field(default_factory=Mcmc)
     """Relocation, growth and noise."""
+
+    def __post_init__(self) -> None:
+        if self.views_a_step < 1:
+            raise ConfigError(f"--reconstruct.views-a-step is {self.views_a_step}: needs 1 or more.")

@@ -11,7 +11,8 @@ from goc.scene.capture import UNLABELLED, Capture
 from goc.scene.gaussians import Gaussians
 
 FEATURES = 16
-"""Width of the instance features f of Eq. (7); the paper does not state it, Gaussian Grouping (2024) has 16."""
+"""Width of the instance features f of Eq. (7); the paper does not state it, Gaussian Grouping (2024) has 16. gsplat
+would pad them with colour and depth to 32 channels: there they fill what colour and depth leave of 16."""
 _HIDDEN = 64
 
 
@@ -33,10 +34,10 @@ def votes_of_view(
     The gradient that reaches the channels of a c-channel image whose upstream gradient is the one-hot masks: the
     weights w = α T need no kernel of their own. After FlashSplat (Shen et al. 2024).
     """
-    channels = torch.zeros(len(gaussians), len(names), requires_grad=True)
+    channels = torch.zeros(len(gaussians), len(names), device=gaussians.means.device, requires_grad=True)
     image, _ = rasterize(gaussians, camera, channels)
     masks = torch.stack([(ids == name).float() for name in names])
-    image.backward(masks.permute(1, 2, 0))
+    image.backward(masks.permute(1, 2, 0).to(image.device))
     assert channels.grad is not None
     return channels.grad
 
@@ -46,7 +47,8 @@ def vote_labels(
 ) -> Int16[Tensor, "n"]:
     """Give each splat the id that most of its weight falls on, summed over the views; UNLABELLED if never seen.
 
-    Each view is asked for the ids that it shows and no others: rooms have many, a view few.
+    Each view is asked for the ids that it shows and no others: rooms have many, a view few. Votes are counted where the
+    splats are; the labels are on the processor.
     """
     fixed = gaussians.detached()
     totals: dict[int, Float[Tensor, "n"]] = {}
@@ -59,18 +61,23 @@ def vote_labels(
                 totals[name] = totals[name] + column if name in totals else column.clone()
         notify(Progress(stage="label", done=done, total=len(views)))
     names = sorted(totals)
-    total = torch.stack([totals[name] for name in names], -1) if names else torch.zeros(len(fixed), 0)
+    total = torch.stack([totals[name] for name in names], -1).cpu() if names else torch.zeros(len(fixed), 0)
     return _winners(total, names, total.sum(-1) > 0)
 
 
-def new_classifier(classes: int, generator: torch.Generator) -> dict[str, Tensor]:
-    """Weights of the MLP that turns a rendered feature into class scores: FEATURES → 64 → classes."""
+def feature_width(fused: bool, planes: bool) -> int:
+    """Instance features that an engine blends beside colour (3) and planes (4) or depth (1)."""
+    return FEATURES if fused else FEATURES - (7 if planes else 4)
+
+
+def new_classifier(classes: int, features: int, generator: torch.Generator) -> dict[str, Tensor]:
+    """Weights of the MLP that turns a rendered feature into class scores: features → 64 → classes."""
 
     def uniform(rows: int, columns: int) -> Tensor:
         return (torch.rand(rows, columns, generator=generator) * 2 - 1) / columns**0.5
 
     return {
-        "hidden_weight": uniform(_HIDDEN, FEATURES),
+        "hidden_weight": uniform(_HIDDEN, features),
         "hidden_bias": torch.zeros(_HIDDEN),
         "class_weight": uniform(classes, _HIDDEN),
         "class_bias": torch.zeros(classes),

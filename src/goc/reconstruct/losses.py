@@ -112,7 +112,7 @@ def geometry_loss(
 
     L_d is the mean |D - D̂| over pixels with a prior. L_dn is the mean of alpha·(1 - N_d·N̂) over pixels with a prior,
     where N_d is the cross product of central differences of the back-projected D; alpha only weighs there, no gradient
-    reaches it. Pixels with alpha ≤ 0.1 show nothing and do not count. Twin: tests/oracles/losses.py.
+    reaches it. Pixels with alpha ≤ 0.1 show nothing and do not count. Twin: device_losses.py.
 
     Args:
         depth: D, by either definition.

@@ -9,6 +9,9 @@ from torch import Tensor
 from goc.geometry.rotations import matrices_of_quats
 
 _MAX_COPIES = 51
+_BINOMIALS = torch.tensor(
+    [[float(math.comb(n, k)) for k in range(_MAX_COPIES + 1)] for n in range(_MAX_COPIES + 1)], dtype=torch.float64
+)
 
 
 def relocated(
@@ -21,10 +24,10 @@ def relocated(
     """
     copies = copies.clamp(1, _MAX_COPIES)
     new = 1.0 - (1.0 - opacities.double()) ** (1.0 / copies)
+    binomials = _BINOMIALS.to(copies.device)
     total = torch.zeros_like(new)
-    for k in range(1, int(copies.max()) + 1):
-        binomial = torch.tensor([math.comb(int(n), k) for n in copies.tolist()], dtype=torch.float64)
-        total += binomial * (-1) ** (k - 1) * new**k / math.sqrt(k)
+    for k in range(1, _MAX_COPIES + 1):
+        total += binomials[copies, k] * (-1) ** (k - 1) * new**k / math.sqrt(k)
     shrink = opacities.double() / total
     return new.float(), (scales * shrink[:, None]).float()
 
@@ -43,7 +46,7 @@ def exploration(
 ) -> Float[Tensor, "n 3"]:
     """Noise of the means, Σ·ε·σ(100·((1 - o) - 0.995))·strength: it moves only splats that are nearly transparent."""
     gate = torch.sigmoid(100.0 * ((1.0 - opacities) - 0.995))
-    noise = torch.randn(log_scales.shape, generator=generator) * (gate * strength)[:, None]
+    noise = torch.randn(log_scales.shape, generator=generator, device=log_scales.device) * (gate * strength)[:, None]
     rotations = matrices_of_quats(quats)
     along = torch.einsum("nji,nj->ni", rotations, noise) * torch.exp(2.0 * log_scales)
     return torch.einsum("nij,nj->ni", rotations, along)

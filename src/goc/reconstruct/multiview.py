@@ -58,7 +58,7 @@ def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, wei
     frame and not hidden behind its surface. L_geo goes on to the neighbour's own surface at q and back into the view,
     where it arrives at p': the mean of exp(-e)·e, e = |p' - p| in pixels, over pixels whose q is on one surface; those
     with e ≥ 1 show two surfaces and add 0. Gradients leave the factor exp(-e) alone. Pixels with alpha ≤ 0.5 do not
-    count, and a mean is over a quarter of the view's pixels at least. Twin: tests/oracles/multiview.py.
+    count, and a mean is over a quarter of the view's pixels at least. Twin: device_pairs.py.
 
     Args:
         depth: D, by either definition; differentiable.

@@ -1,7 +1,9 @@
-"""The optimisation of paper §4.4: one view a step, Eq. (6), Adam, MCMC moves."""
+"""The optimisation of paper §4.4: a view or a few a step, Eq. (6), Adam, MCMC moves."""
 
 import math
 from collections.abc import Callable
+from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import torch
@@ -11,9 +13,10 @@ from goc import _native
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress
 from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.device_step import device_steps
 from goc.reconstruct.mcmc import draw, exploration, relocated
 from goc.reconstruct.state import State, load_checkpoint, save_checkpoint
-from goc.reconstruct.task import Task, generator_of
+from goc.reconstruct.task import Task, generator_of, not_finite
 from goc.reconstruct.view_loss import view_loss
 
 _EXPLORING = 0.1
@@ -28,34 +31,45 @@ def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoin
     """
     config = task.config
     state = load_checkpoint(checkpoint, task.fingerprint()) if checkpoint and resume else begin()
+    state = state.to(task.engine.device)
     shown_psnr = math.nan
-    while state.step < config.iterations:
-        view = _view_of(task, state.step)
-        loss, psnr = view_loss(task, state, view)
-        if not math.isfinite(loss.item()):
-            raise ReconstructError(
-                f"{task.capture.names[view]}: the loss is not finite at step {state.step}. "
-                "Check this view's depth and pose, or lower --reconstruct.rates."
-            )
-        loss.backward()
-        _add_penalties(state, config)
-        state.adam(_rates(task, state))
-        _move(task, state)
-        state.step += 1
-        shown_psnr = psnr if math.isnan(shown_psnr) else 0.95 * shown_psnr + 0.05 * psnr
-        figures = {"PSNR dB": shown_psnr, "splats": float(state.splats)}
-        notify(Progress(stage="reconstruct", done=state.step, total=config.iterations, figures=figures))
-        due = config.checkpoint_every and state.step % config.checkpoint_every == 0
-        if checkpoint and (due or state.step == config.iterations):
-            save_checkpoint(checkpoint, state, task.fingerprint())
+    fused = task.engine.fused
+    with nullcontext(partial(_native_step, task)) if fused else device_steps(task, views_of_step) as descend:
+        while state.step < config.iterations:
+            psnr = descend(state, _rates(task, state))
+            _move(task, state)
+            state.step += 1
+            if psnr is not None:
+                shown_psnr = psnr if math.isnan(shown_psnr) else 0.95 * shown_psnr + 0.05 * psnr
+            figures = {"PSNR dB": shown_psnr, "splats": float(state.splats)}
+            notify(Progress(stage="reconstruct", done=state.step, total=config.iterations, figures=figures))
+            due = config.checkpoint_every and state.step % config.checkpoint_every == 0
+            if checkpoint and (due or state.step == config.iterations):
+                save_checkpoint(checkpoint, state, task.fingerprint())
     return state
 
 
-def _view_of(task: Task, step: int) -> int:
+def _native_step(task: Task, state: State, rates: dict[str, tuple[float, ...]]) -> float:
+    """Gradients of the step's views, one after the other, and Adam; the PSNR of the last view, dB."""
+    views = views_of_step(task, state.step)
+    for view in views:
+        loss, psnr = view_loss(task, state, view)
+        if not math.isfinite(loss.item()):
+            raise ReconstructError(not_finite(task, view, state.step))
+        (loss if len(views) == 1 else loss / len(views)).backward()
+    _add_penalties(state, task.config)
+    state.adam(rates)
+    return psnr
+
+
+def views_of_step(task: Task, step: int) -> list[int]:
     """Every view once an epoch, in a new order each time."""
-    epoch, place = divmod(step, len(task.views))
-    order = torch.randperm(len(task.views), generator=generator_of(task.config, 0, epoch))
-    return task.views[int(order[place])]
+    found = []
+    for drawn in range(step * task.config.views_a_step, (step + 1) * task.config.views_a_step):
+        epoch, place = divmod(drawn, len(task.views))
+        order = torch.randperm(len(task.views), generator=generator_of(task.config, 0, epoch))
+        found.append(task.views[int(order[place])])
+    return found
 
 
 def _rates(task: Task, state: State) -> dict[str, tuple[float, ...]]:
@@ -93,14 +107,15 @@ def _move(task: Task, state: State) -> None:
     mcmc, share = config.mcmc, (step + 1) / config.iterations
     if not mcmc.start <= share <= mcmc.stop:
         return
-    generator = generator_of(config, 2, step)
+    generator = generator_of(config, 2, step, device=task.engine.device)
     if (step + 1) % mcmc.every == 0:
         _relocate(state, mcmc.min_opacity, generator)
         _grow(state, min(task.budget, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
     strength = mcmc.noise * _means_rate(task, state)
     opacities = p["opacity_logits"].sigmoid()
-    rows = torch.nonzero(opacities < _EXPLORING)[:, 0]
+    # To find these rows is to wait for a device; there it is cheaper to move all of them.
+    rows = torch.nonzero(opacities < _EXPLORING)[:, 0] if task.engine.fused else slice(None)
     p["means"][rows] += exploration(p["log_scales"][rows], p["quats"][rows], opacities[rows], strength, generator)
 
 
@@ -125,7 +140,7 @@ def _grow(state: State, wanted: int, min_opacity: float, generator: torch.Genera
         return
     targets = draw(state.parameters["opacity_logits"].sigmoid(), count, generator)
     _share(state, targets, min_opacity)
-    state.resize(torch.cat([torch.arange(state.splats), targets]))
+    state.resize(torch.cat([torch.arange(state.splats, device=targets.device), targets]))
 
 
 def _share(state: State, targets: Tensor, min_opacity: float) -> None:

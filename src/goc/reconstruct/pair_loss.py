@@ -13,7 +13,21 @@ from goc.reconstruct.task import Task, generator_of
 
 
 def pair_loss(task: Task, pairs: Pairs, state: State, view: int, depth: RenderedDepth) -> Float[Tensor, ""]:
-    """λ_pho·L_pho + λ_geo·L_geo of a view against one of its neighbours, which the step decides; 0 before the start.
+    """λ_pho·L_pho + λ_geo·L_geo of a view against the neighbour that the step decides; 0 without one."""
+    other = neighbour_of_step(task, pairs, state, view, depth)
+    if other is None:
+        return torch.zeros(())
+    return multiview_loss(depth, task.capture[view], _neighbour(task, pairs, state, other), pair_weights(task))
+
+
+def pair_weights(task: Task) -> PairWeights:
+    """What the losses of a pair are worth."""
+    losses, tolerance = task.config.losses, task.config.multiview.tolerance
+    return PairWeights(photometric=losses.photometric, geometric=losses.geometric, tolerance=tolerance)
+
+
+def neighbour_of_step(task: Task, pairs: Pairs, state: State, view: int, depth: RenderedDepth) -> int | None:
+    """The neighbour that a view is compared with at this step; None before the start, or where none can be.
 
     With `cached` depths the view's own is remembered in `state.views` for those it is a neighbour of. They start an
     epoch early, so that every neighbour has one when the comparison does; a view without one is left out.
@@ -23,15 +37,12 @@ def pair_loss(task: Task, pairs: Pairs, state: State, view: int, depth: Rendered
     start = round(config.start * task.config.iterations)
     others = pairs.neighbours[view]
     if cached:
-        others = tuple(other for other in others if _key(other) in state.views)
+        others = tuple(other for other in others if memory_key(other) in state.views)
         if state.step >= start - len(task.views):
             _remember(task, pairs, state, view, depth)
     if state.step < start or not others:
-        return torch.zeros(())
-    pick = int(torch.randint(0, len(others), (), generator=generator_of(task.config, 3, state.step)))
-    losses = task.config.losses
-    weights = PairWeights(photometric=losses.photometric, geometric=losses.geometric, tolerance=config.tolerance)
-    return multiview_loss(depth, task.capture[view], _neighbour(task, pairs, state, others[pick]), weights)
+        return None
+    return others[int(torch.randint(0, len(others), (), generator=generator_of(task.config, 3, state.step)))]
 
 
 def _neighbour(task: Task, pairs: Pairs, state: State, view: int) -> Neighbour:
@@ -39,7 +50,7 @@ def _neighbour(task: Task, pairs: Pairs, state: State, view: int) -> Neighbour:
     if task.config.multiview.neighbour_depth == "rendered":
         inverse, stride = inverse_depth(draw_depth(state.gaussians(), frame.camera, task.config.depth)), 1
     else:
-        inverse, stride = state.views[_key(view)].float() / task.capture.unit, pairs.stride
+        inverse, stride = state.views[memory_key(view)].float() / task.capture.unit, pairs.stride
     return Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse, stride=stride)
 
 
@@ -48,8 +59,9 @@ def _remember(task: Task, pairs: Pairs, state: State, view: int, depth: Rendered
     """Keep 1/z per metre in half precision: 0.05 % of the depth, and linear between pixels on planes."""
     middle = pairs.stride // 2
     inverse = inverse_depth(depth)[middle :: pairs.stride, middle :: pairs.stride]
-    state.views[_key(view)] = (inverse * task.capture.unit).half()
+    state.views[memory_key(view)] = (inverse * task.capture.unit).half()
 
 
-def _key(view: int) -> str:
+def memory_key(view: int) -> str:
+    """Under which a view's inverse depth per metre is remembered."""
     return f"inverse_depth/{view}"

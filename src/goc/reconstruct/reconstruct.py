@@ -12,9 +12,9 @@ from torch import Tensor
 
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress, Warned, ignore
-from goc.raster import render, visible_splats
+from goc.raster import CPU, Engine, choose_engine, render, visible_splats
 from goc.reconstruct.config import ReconstructConfig
-from goc.reconstruct.labels import FEATURES, capture_ids, learned_labels, new_classifier, vote_labels
+from goc.reconstruct.labels import capture_ids, feature_width, learned_labels, new_classifier, vote_labels
 from goc.reconstruct.monocular import ALIGNMENT, KnownDepths, aligned_capture, start_alignment
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
@@ -38,6 +38,7 @@ def reconstruct(
     checkpoint: Path | None = None,
     resume: bool = False,
     known_depths: Callable[[], KnownDepths] | None = None,
+    engine: Engine | None = None,
 ) -> Reconstruction:
     """Optimise labelled Gaussians that show what the capture shows (paper §4).
 
@@ -49,12 +50,15 @@ def reconstruct(
         resume: continue from that file; bit-equal to an uninterrupted run on a CPU.
         known_depths: what monocular depth is aligned with before the start, beside the capture's points; stereo if None
             and these are few.
+        engine: what draws; chosen as `config.engine` says if None. What comes out is on the processor.
 
     Raises:
+        EngineError: the engine that was asked for does not work here.
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
     """
     with _one_torch_thread():
-        return _reconstruct(capture, config, notify, checkpoint, resume, known_depths)
+        task = _task(capture, config, notify, engine or choose_engine(config.engine, notify))
+        return _reconstruct(task, notify, checkpoint, resume, known_depths)
 
 
 @contextmanager
@@ -68,38 +72,42 @@ def _one_torch_thread() -> Iterator[None]:
         torch.set_num_threads(before)
 
 
+def _task(capture: Capture, config: ReconstructConfig, notify: Listener, engine: Engine) -> Task:
+    train, _ = split_views(len(capture), config.holdout_every)
+    if len(train) < 2:
+        raise ReconstructError(f"{len(train)} training view(s): reconstruction needs at least 2.")
+    learned = config.labels == "learned" and capture.has_ids
+    if config.labels == "learned" and not capture.has_ids:
+        notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
+    return Task(
+        capture=capture,
+        views=train,
+        names=capture_ids(capture, train) if learned else [],
+        extent=_extent(capture),
+        budget=splat_budget(capture, config),
+        pairs=_pairs(capture, train, config, notify),
+        prior=geometry_priors(capture, config.losses.depth_normal > 0, config.monocular),
+        config=config,
+        engine=engine,
+    )
+
+
 def _reconstruct(
-    capture: Capture,
-    config: ReconstructConfig,
+    task: Task,
     notify: Listener,
     checkpoint: Path | None,
     resume: bool,
     known_depths: Callable[[], KnownDepths] | None,
 ) -> Reconstruction:
     started = time.perf_counter()
-    train, held_out = split_views(len(capture), config.holdout_every)
-    if len(train) < 2:
-        raise ReconstructError(f"{len(train)} training view(s): reconstruction needs at least 2.")
-    learned = config.labels == "learned" and capture.has_ids
-    if config.labels == "learned" and not capture.has_ids:
-        notify(Warned(stage="reconstruct", message="labels = learned needs ids; this capture has none"))
-    names = capture_ids(capture, train) if learned else []
-    task = Task(
-        capture=capture,
-        views=train,
-        names=names,
-        extent=_extent(capture),
-        budget=splat_budget(capture, config),
-        pairs=_pairs(capture, train, config, notify),
-        prior=geometry_priors(capture, config.losses.depth_normal > 0, config.monocular),
-        config=config,
-    )
+    capture, config, train = task.capture, task.config, task.views
+    _, held_out = split_views(len(capture), config.holdout_every)
 
     def begin() -> State:
         known = known_depths or (lambda: _stereo_depths(capture, train, config, notify))
         seen, remembered = _aligned(capture, train, known, config, notify)
         gaussians = seed(seen, train, config, notify)
-        state = _with_features(gaussians, names, config) if learned else initial_state(gaussians, {})
+        state = _with_features(gaussians, task) if task.names else initial_state(gaussians, {})
         state.views |= remembered
         return state
 
@@ -111,7 +119,7 @@ def _reconstruct(
     if not held_out:
         metrics |= _measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)
     labels = _labels(state, gaussians, task, notify)
-    return Reconstruction(gaussians=gaussians, labels=labels, metrics=metrics)
+    return Reconstruction(gaussians=gaussians.to(CPU), labels=labels, metrics=metrics)
 
 
 def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify: Listener) -> Pairs | None:
@@ -162,10 +170,11 @@ def _extent(capture: Capture) -> float:
     return max(1.1 * radius, 0.5 * capture.unit)
 
 
-def _with_features(gaussians: Gaussians, names: list[int], config: ReconstructConfig) -> State:
-    generator = torch.Generator().manual_seed(config.seed)
-    features = torch.randn(len(gaussians), FEATURES, generator=generator) * 0.1
-    state = initial_state(gaussians, new_classifier(len(names), generator))
+def _with_features(gaussians: Gaussians, task: Task) -> State:
+    generator = torch.Generator().manual_seed(task.config.seed)
+    width = feature_width(task.engine.fused, task.config.depth == "plane")
+    features = torch.randn(len(gaussians), width, generator=generator) * 0.1
+    state = initial_state(gaussians, new_classifier(len(task.names), width, generator))
     state.parameters["identity"] = features.requires_grad_()
     state.first["identity"], state.second["identity"] = torch.zeros_like(features), torch.zeros_like(features)
     return state
@@ -180,10 +189,10 @@ def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str
     for done, view in enumerate(views, 1):
         frame = capture[view]
         shown = render(gaussians, frame.camera)
-        error = (shown.colour - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
+        error = (shown.colour.cpu() - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
         psnrs.append(-10.0 * math.log10(error.item()))
         if frame.depth is not None and capture.has_metric_depth:
-            difference = (shown.plane_depth - frame.depth).abs()
+            difference = (shown.plane_depth.cpu() - frame.depth).abs()
             depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.unit)
         notify(Progress(stage="measure", done=done, total=len(views)))
     found = {f"{name}_psnr_db": sum(psnrs) / len(psnrs), f"{name}_views": float(len(views))}
@@ -197,8 +206,9 @@ def _labels(state: State, gaussians: Gaussians, task: Task, notify: Listener) ->
         return torch.full((len(gaussians),), UNLABELLED, dtype=torch.int16)
     if not task.names:
         return vote_labels(gaussians, task.capture, task.views, notify)
+    gaussians = gaussians.to(CPU)
     seen = torch.zeros(len(gaussians), dtype=torch.bool)
     for view in task.views:
         seen |= visible_splats(gaussians, task.capture.cameras[view])
-    classifier = {name: value.detach() for name, value in state.shared.items()}
+    classifier = {name: value.detach().cpu() for name, value in state.shared.items()}
     return learned_labels(gaussians, classifier, task.names, seen)

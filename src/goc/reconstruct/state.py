@@ -11,7 +11,8 @@ from goc.errors import ReconstructError
 from goc.files import read_tensors, write_tensors
 from goc.scene.gaussians import Gaussians
 
-_BETA1, _BETA2, _EPSILON = 0.9, 0.999, 1e-15
+BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
+"""Adam's."""
 _SHARED = "classifier."
 """Prefix of parameters that have no row a splat."""
 
@@ -58,6 +59,12 @@ class State:
             identity=p.get("identity"),
         )
 
+    def to(self, device: torch.device) -> "State":
+        """The same state with what is optimised on a device; what is remembered of views stays where it is."""
+        parameters = {name: value.detach().to(device).requires_grad_() for name, value in self.parameters.items()}
+        first, second = ({name: value.to(device) for name, value in m.items()} for m in (self.first, self.second))
+        return State(parameters=parameters, first=first, second=second, step=self.step, views=self.views)
+
     def adam(self, rates: dict[str, tuple[float, ...]]) -> None:
         """One Adam step on every parameter that has a gradient; clears the gradients.
 
@@ -75,9 +82,9 @@ class State:
                 self.first[name].view(rows.shape),
                 self.second[name].view(rows.shape),
                 columns[: rows.shape[1]],
-                _BETA1,
-                _BETA2,
-                _EPSILON,
+                BETA1,
+                BETA2,
+                EPSILON,
                 self.step + 1,
             )
             parameter.grad = None
@@ -121,7 +128,7 @@ def save_checkpoint(path: Path, state: State, fingerprint: str) -> None:
     """Write everything the next step depends on, atomically; randomness depends on the step alone."""
     tensors = {}
     for kind in ("parameters", "first", "second", "views"):
-        tensors |= {f"{kind}/{name}": value.detach() for name, value in getattr(state, kind).items()}
+        tensors |= {f"{kind}/{name}": value.detach().cpu() for name, value in getattr(state, kind).items()}
     write_tensors(path, tensors, {"step": str(state.step), "fingerprint": fingerprint})
 
 

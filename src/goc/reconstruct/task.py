@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 import msgspec
 import torch
 
+from goc.raster import CPU, Engine
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.pairs import Pairs
 from goc.reconstruct.priors import ViewPrior
@@ -30,6 +31,8 @@ class Task:
     prior: ViewPrior
     """Geometry that a view is compared with; None where it has none."""
     config: ReconstructConfig
+    engine: Engine
+    """What draws; a run may go on with another one."""
 
     def fingerprint(self) -> str:
         """Names the capture and all settings: a checkpoint fits only the same."""
@@ -37,7 +40,15 @@ class Task:
         return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
 
 
-def generator_of(config: ReconstructConfig, *path: int) -> torch.Generator:
+def not_finite(task: Task, view: int, step: int) -> str:
+    """What to tell of a loss that is not finite."""
+    return (
+        f"{task.capture.names[view]}: the loss is not finite at step {step}. "
+        "Check this view's depth and pose, or lower --reconstruct.rates."
+    )
+
+
+def generator_of(config: ReconstructConfig, *path: int, device: torch.device = CPU) -> torch.Generator:
     """Randomness of one moment: it depends on the seed and the step alone, so that a resumed run repeats it."""
     digest = hashlib.sha256(repr((config.seed, *path)).encode()).digest()
-    return torch.Generator().manual_seed(int.from_bytes(digest[:7], "little"))
+    return torch.Generator(device).manual_seed(int.from_bytes(digest[:7], "little"))

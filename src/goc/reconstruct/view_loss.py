@@ -8,12 +8,14 @@ from jaxtyping import Float, Int16
 from torch import Tensor
 
 from goc.raster import blend_view
+from goc.reconstruct.config import LossWeights
 from goc.reconstruct.depth import rendered_depth
 from goc.reconstruct.labels import classify
 from goc.reconstruct.losses import geometry_loss, identity_loss, photometric_loss
 from goc.reconstruct.pair_loss import pair_loss
 from goc.reconstruct.state import State
 from goc.reconstruct.task import Task, generator_of
+from goc.scene import Gaussians
 from goc.scene.capture import UNLABELLED, Frame
 
 _IDENTITY_PIXELS = 16_384
@@ -24,10 +26,7 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     """Eq. (6) of one view, and its PSNR in dB."""
     frame = task.capture[view]
     weights, camera = task.config.losses, frame.camera
-    gaussians = state.gaussians()
-    if state.step % weights.identity_every:
-        gaussians = replace(gaussians, identity=None)
-    shown = blend_view(gaussians, camera, planes=task.config.depth == "plane")
+    shown = blend_view(with_identity(state, weights), camera, planes=task.config.depth == "plane")
     loss, error = photometric_loss(shown.colour, frame.image, weights.ssim)
     depth = rendered_depth(shown.geometry, shown.alpha, camera)
     if weights.depth or weights.depth_normal:
@@ -44,11 +43,22 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
 def _identity_loss(task: Task, state: State, features: Float[Tensor, "f h w"], frame: Frame) -> Float[Tensor, ""]:
     """L_o on a grid of pixels that the step shifts: rows of images are read in order, scattered pixels one by one."""
     assert frame.ids is not None
-    stride = identity_stride(frame.ids.numel())
-    x, y = torch.randint(0, stride, (2,), generator=generator_of(task.config, 1, state.step)).tolist()
-    grid = features[:, y::stride, x::stride]
-    logits = classify(grid.flatten(1).T, state.shared)
-    return identity_loss(logits, classes_of(frame.ids[y::stride, x::stride].reshape(-1), task.names))
+    grid = identity_grid(task, state.step, frame.ids.numel())
+    logits = classify(features[:, *grid].flatten(1).T, state.shared)
+    return identity_loss(logits, classes_of(frame.ids[grid].reshape(-1), task.names))
+
+
+def with_identity(state: State, weights: LossWeights) -> Gaussians:
+    """The splats of a step, without features in steps that have no L_o."""
+    gaussians = state.gaussians()
+    return replace(gaussians, identity=None) if state.step % weights.identity_every else gaussians
+
+
+def identity_grid(task: Task, step: int, pixels: int) -> tuple[slice, slice]:
+    """Rows and columns that L_o looks at in a step: every so many, from a place that the step draws."""
+    stride = identity_stride(pixels)
+    x, y = torch.randint(0, stride, (2,), generator=generator_of(task.config, 1, step)).tolist()
+    return slice(y, None, stride), slice(x, None, stride)
 
 
 def identity_stride(pixels: int) -> int:

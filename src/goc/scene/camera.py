@@ -22,7 +22,7 @@ class Camera:
     def cam_from_world(self) -> Float[Tensor, "4 4"]:
         """Inverse of the rigid pose."""
         rotation = self.world_from_cam[:3, :3].T
-        inverse = torch.eye(4, dtype=self.world_from_cam.dtype)
+        inverse = torch.eye(4, dtype=rotation.dtype, device=rotation.device)
         inverse[:3, :3] = rotation
         inverse[:3, 3] = -rotation @ self.world_from_cam[:3, 3]
         return inverse
@@ -31,6 +31,13 @@ class Camera:
     def position(self) -> Float[Tensor, "3"]:
         """Centre of projection, world."""
         return self.world_from_cam[:3, 3]
+
+    def to(self, device: torch.device) -> "Camera":
+        """The same camera with its numbers on a device; itself where they are there."""
+        if self.world_from_cam.device == device:
+            return self
+        moved = {name: getattr(self, name).to(device) for name in ("focal_px", "centre_px", "world_from_cam")}
+        return replace(self, **moved)
 
     def resized(self, width: int, height: int) -> "Camera":
         """The same view on another pixel raster."""

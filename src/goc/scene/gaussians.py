@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 
+import torch
 from jaxtyping import Float
 from torch import Tensor
 
@@ -37,6 +38,11 @@ class Gaussians:
             value = getattr(self, item.name)
             chosen[item.name] = None if value is None else value[index]
         return Gaussians(**chosen)
+
+    def to(self, device: torch.device) -> "Gaussians":
+        """The same splats with their numbers on a device."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return Gaussians(**{name: None if value is None else value.to(device) for name, value in values.items()})
 
     def detached(self) -> "Gaussians":
         """The same numbers outside any autograd graph."""

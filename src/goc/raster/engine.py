@@ -1,0 +1,166 @@
+"""Which engine draws the splats of a run: this processor, or a CUDA device that has shown that it can."""
+
+import contextlib
+import io
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from importlib.metadata import PackageNotFoundError, version
+from typing import Literal
+
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from goc.errors import EngineError
+from goc.events import Listener, Progress, Warned, ignore
+from goc.raster.gsplat_engine import blend_with_gsplat
+from goc.raster.rasterize import rasterize
+from goc.raster.views import Views, views_of
+from goc.scene.camera import Camera
+from goc.scene.gaussians import Gaussians
+
+EngineName = Literal["auto", "cpu", "cuda"]
+Blend = Callable[[Gaussians, Views, Float[Tensor, "v n c"]], tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]]
+"""Draws per-view channels of splats into several views, as `rasterize` does into one."""
+
+CPU, FIRST = torch.device("cpu"), torch.device("cuda", 0)
+"""CUDA_VISIBLE_DEVICES says which one is the first."""
+REMEDY = (
+    "It takes a PyTorch for CUDA, gsplat (pip install goc[cuda]) and CUDA's nvcc to compile it: see docs/guide/gpu.md. "
+    "--reconstruct.engine cpu needs none of them."
+)
+_TOLERANCE = 1e-2
+"""Of the trial, as a share of the largest value: a wrong convention is off by far more, rounding by far less."""
+_SPLATS, _CHANNELS = 24, 8
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Engine:
+    """What draws, and where its numbers live."""
+
+    name: Literal["cpu", "cuda"]
+    device: torch.device
+    blend: Blend
+    fused: bool
+    """Optimisation steps are native calls on arrays of the processor; otherwise PyTorch on the device."""
+
+
+def blend_natively(
+    gaussians: Gaussians, views: Views, channels: Float[Tensor, "v n c"]
+) -> tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]:
+    """As `rasterize`, for one view after the other."""
+    drawn = [rasterize(gaussians, camera, own) for camera, own in zip(views.cameras, channels, strict=True)]
+    return torch.stack([image for image, _ in drawn]), torch.stack([alpha for _, alpha in drawn])
+
+
+NATIVE = Engine(name="cpu", device=CPU, blend=blend_natively, fused=True)
+
+
+def choose_engine(wanted: EngineName, notify: Listener = ignore) -> Engine:
+    """The engine of a run, found out by trying.
+
+    Args:
+        wanted: auto takes a CUDA device where there is one that draws as the processor does.
+        notify: hears of a device that is there and was tried, and why it is not used.
+
+    Raises:
+        EngineError: cuda is wanted and does not work.
+    """
+    if wanted == "cpu" or (wanted == "auto" and not torch.cuda.is_available()):
+        return NATIVE
+    flaw = cuda_flaw(notify)
+    if flaw is None:
+        return Engine(name="cuda", device=FIRST, blend=blend_with_gsplat, fused=False)
+    if wanted == "cuda":
+        raise EngineError(f"--reconstruct.engine cuda cannot run here: {flaw}. {REMEDY}")
+    notify(Warned(stage="engine", message=f"CUDA device not used, the processor draws: {flaw}. {REMEDY}"))
+    return NATIVE
+
+
+def cuda_flaw(notify: Listener = ignore) -> str | None:
+    """Why splats cannot be drawn on a CUDA device; None where they can.
+
+    That gsplat can be imported proves nothing: it finds out that it lacks its kernels when it draws.
+    """
+    if not torch.cuda.is_available():
+        return "PyTorch sees no CUDA device"
+    notify(Progress(stage="try gsplat", done=0, total=1))
+    flaw = trial_flaw(blend_with_gsplat, FIRST)
+    notify(Progress(stage="try gsplat", done=1, total=1))
+    return flaw
+
+
+def trial_flaw(blend: Blend, device: torch.device) -> str | None:
+    """What is wrong with an engine: draw a few splats into two views, and their gradients, and compare with the CPU's.
+
+    Returns:
+        One line; None where values and gradients agree within 1 % of the largest.
+    """
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # gsplat tells there that it compiles, or that it cannot
+            found = _trial(blend, device)
+    except ModuleNotFoundError as error:
+        return f"{error.name} is not installed"
+    except Exception as error:  # whatever a broken toolchain raises is the answer
+        lines = str(error).splitlines() or [""]
+        return f"a trial with {gsplat_version()} failed ({type(error).__name__}: {lines[0][:120]})"
+    for name, expected in _trial(blend_natively, CPU).items():
+        largest, off = expected.abs().max().item(), (found[name].cpu() - expected).abs().max().item()
+        if not off <= _TOLERANCE * largest:
+            return f"{gsplat_version()} draws other {name} than the processor (off by {off:.2g} of {largest:.2g})"
+    return None
+
+
+def gsplat_version() -> str:
+    """Such as `gsplat 1.5.3`."""
+    try:
+        return f"gsplat {version('gsplat')}"
+    except PackageNotFoundError:
+        return "gsplat"
+
+
+def working_device() -> torch.device:
+    """A CUDA device that multiplies two matrices, or the processor: for what needs PyTorch alone."""
+    try:
+        device = FIRST if torch.cuda.is_available() else CPU
+        ones = torch.ones(8, 8, device=device)
+        return device if (ones @ ones)[0, 0].item() == 8.0 else CPU
+    except (RuntimeError, AssertionError):  # a driver or a device that this PyTorch was not built for
+        return CPU
+
+
+def _trial(blend: Blend, device: torch.device) -> dict[str, Tensor]:
+    """Images of two views and gradients of every input, by name."""
+    names = ("means", "quats", "log_scales", "opacity_logits")
+    splats, channels = trial_splats(_SPLATS, _CHANNELS)
+    splats = replace(splats, **{name: getattr(splats, name).to(device).requires_grad_() for name in names})
+    channels = channels.to(device).requires_grad_()
+    image, alpha = blend(splats, views_of(trial_cameras(), device), channels.expand(2, -1, -1))
+    (image.square().sum() + alpha.square().sum()).backward()
+    found = {"images": image.detach(), "alpha": alpha.detach(), "gradients of channels": channels.grad}
+    return found | {f"gradients of {name}": getattr(splats, name).grad for name in names}
+
+
+def trial_splats(count: int, channels: int) -> tuple[Gaussians, Float[Tensor, "n c"]]:
+    """Splats before the trial's cameras, below the opacity at which versions of gsplat differ, and their channels."""
+    generator = torch.Generator().manual_seed(0)
+    places = torch.rand(count, 3, generator=generator) - 0.5
+    splats = Gaussians(
+        means=places * torch.tensor([2.6, 2.0, 1.6]) + torch.tensor([0.0, 0.0, 2.6]),
+        quats=torch.randn(count, 4, generator=generator),
+        log_scales=torch.randn(count, 3, generator=generator) * 0.5 - 2.0,
+        opacity_logits=torch.randn(count, generator=generator).clamp(-2.5, 2.5),
+        sh=torch.zeros(count, 1, 3),
+    )
+    return splats, torch.rand(count, channels, generator=generator)
+
+
+def trial_cameras() -> list[Camera]:
+    """Two views of one size, off the axis and with a principal point off the middle."""
+    cameras = []
+    for shift in (0.0, 0.25):
+        pose = torch.eye(4)
+        pose[0, 3] = shift
+        focal, centre = torch.tensor([38.0, 41.0]), torch.tensor([19.3, 14.8])
+        cameras.append(Camera(focal_px=focal, centre_px=centre, width=40, height=28, world_from_cam=pose))
+    return cameras

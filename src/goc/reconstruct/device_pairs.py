@@ -1,0 +1,163 @@
+"""L_pho (Eq. 5) and L_geo in plain PyTorch: one pair of views on any device, any dtype, gradients by autograd.
+
+What `multiview` computes in native calls, and the twin of those in the tests. Nothing here waits for the device.
+"""
+
+from dataclasses import dataclass
+
+import torch
+from jaxtyping import Bool, Float
+from torch import Tensor
+from torch.nn import functional as F  # noqa: N812
+
+from goc.raster import Views
+from goc.reconstruct.multiview import PairWeights
+
+_MIN_ALPHA, _MIN_DENOMINATOR = 0.5, 0.01
+_C1, _C2 = 1e-4, 9e-4
+_MAX_ERROR_PX = 1.0
+"""Beyond, two depths show two surfaces."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Drawn:
+    """The view that is drawn: its depth as a fraction, and its photograph."""
+
+    views: Views
+    """This one alone."""
+    numerator: Float[Tensor, "h w"]
+    denominator: Float[Tensor, "h w"]
+    alpha: Float[Tensor, "h w"]
+    image: Float[Tensor, "3 h w"]
+    """0 to 1."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Beside:
+    """The neighbour that it is compared with, as `multiview.Neighbour`."""
+
+    views: Views
+    """This one alone."""
+    image: Float[Tensor, "3 i j"]
+    inverse_depth: Float[Tensor, "r c"]
+    stride: int = 1
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Landing:
+    """Where each pixel's point is in the neighbour, and the surface that is seen there."""
+
+    places: Float[Tensor, "p 2"]
+    """Pixels of the neighbour's photograph."""
+    z: Float[Tensor, "p"]
+    inverse: Float[Tensor, "p"]
+    """1 / z of the surface there."""
+    known: Bool[Tensor, "p"]
+    smooth: Bool[Tensor, "p"]
+    """Known, and the four depths round the place are one surface."""
+
+
+def pair_losses(drawn: Drawn, beside: Beside, weights: PairWeights) -> Float[Tensor, ""]:
+    """λ_pho·L_pho + λ_geo·L_geo; see `multiview.multiview_loss` for what they are."""
+    landing = landing_of(drawn, beside, weights.tolerance)
+    loss = landing.z.new_zeros(())
+    if weights.photometric:
+        loss = loss + weights.photometric * _photometric(landing, drawn, beside, weights.tolerance)
+    if weights.geometric:
+        loss = loss + weights.geometric * _geometric(landing, drawn, beside)
+    return loss
+
+
+def landing_of(drawn: Drawn, beside: Beside, tolerance: float) -> Landing:
+    """Carry every pixel into the neighbour by its depth."""
+    shown = (drawn.alpha > _MIN_ALPHA) & (drawn.denominator > _MIN_DENOMINATOR) & (drawn.numerator > 0)
+    depth = torch.where(shown, drawn.numerator, 1.0) / torch.where(shown, drawn.denominator, 1.0)
+    shown, depth = shown.reshape(-1), depth.reshape(-1)
+    there_from_here = _rigid(beside.views).to(depth.dtype) @ _inverse(_rigid(drawn.views)).to(depth.dtype)
+    points = (_rays(drawn.views).to(depth.dtype) * depth[:, None]) @ there_from_here[:3, :3].T + there_from_here[:3, 3]
+    ahead = points[:, 2] > 0
+    z = torch.where(ahead, points[:, 2], 1.0)
+    places = _projected(points, z, beside.views)
+    found, inside, low, high = _sampled(beside.inverse_depth[None], places / beside.stride)
+    known = shown & ahead & inside & (low[0] > 0)
+    smooth = known & (high[0] <= (1 + tolerance) * low[0])
+    return Landing(places=places, z=z, inverse=found[0], known=known, smooth=smooth)
+
+
+def _photometric(landing: Landing, drawn: Drawn, beside: Beside, tolerance: float) -> Float[Tensor, ""]:
+    """Mean of 0.85·(1 - SSIM)/2 + 0.15·|C - C̃| over pixels whose 3×3 block is in the neighbour and not hidden there."""
+    size = drawn.image.shape[1:]
+    colours, inside, _, _ = _sampled(beside.image, landing.places)
+    # The neighbour's surface decides what is hidden; it is not moved by what hides behind it.
+    seen = (landing.known & inside & (landing.z * landing.inverse.detach() <= 1 + tolerance)).view(size)
+    x = torch.where(seen, colours.view(3, *size), 0.0)[:, None]
+    y = torch.where(seen, drawn.image, 0.0)[:, None]
+    mx, my = _block_mean(x), _block_mean(y)
+    xx, yy, xy = _block_mean(x * x) - mx * mx, _block_mean(y * y) - my * my, _block_mean(x * y) - mx * my
+    ssim = ((2 * mx * my + _C1) * (2 * xy + _C2)) / ((mx * mx + my * my + _C1) * (xx + yy + _C2))
+    terms = 0.85 * (1 - ssim) / 2 + 0.15 * (x - y)[..., 1:-1, 1:-1].abs()
+    whole = -F.max_pool2d(-seen[None, None].to(x.dtype), 3, 1)[0, 0] > 0.5
+    return _mean_of_many(terms[:, 0].mean(0), whole, seen.numel())
+
+
+def _geometric(landing: Landing, drawn: Drawn, beside: Beside) -> Float[Tensor, ""]:
+    """Mean of exp(-e)·e over pixels that land on a surface; 0 from one pixel on. Only e is optimised."""
+    far = 1.0 / torch.where(landing.smooth, landing.inverse, 1.0)
+    there = (landing.places - beside.views.centre_px[0]) / beside.views.focal_px[0]
+    points = torch.cat([there * far[:, None], far[:, None]], -1)
+    here_from_there = _rigid(drawn.views).to(far.dtype) @ _inverse(_rigid(beside.views)).to(far.dtype)
+    returned = points @ here_from_there[:3, :3].T + here_from_there[:3, 3]
+    met = landing.smooth & (returned[:, 2] > 0)
+    returned = torch.where(met[:, None], returned, _rays(drawn.views).to(far.dtype))
+    start = _projected(_rays(drawn.views).to(far.dtype), far.new_ones(()), drawn.views)
+    error = (_projected(returned, returned[:, 2], drawn.views) - start).norm(dim=-1)
+    terms = torch.where(met & (error < _MAX_ERROR_PX), torch.exp(-error.detach()) * error, 0.0)
+    return _mean_of_many(terms, landing.smooth, terms.numel())
+
+
+def _mean_of_many(values: Float[Tensor, "*s"], known: Bool[Tensor, "*s"], pixels: int) -> Float[Tensor, ""]:
+    """Over a quarter of the view at least: a handful of pixels must not pull like a view."""
+    return torch.where(known, values, 0.0).sum() / known.sum().clamp_min(max(1, pixels // 4))
+
+
+def _block_mean(image: Float[Tensor, "k 1 h w"]) -> Float[Tensor, "k 1 i j"]:
+    return F.avg_pool2d(image, 3, 1)
+
+
+def _sampled(
+    image: Float[Tensor, "k i j"], places: Float[Tensor, "p 2"]
+) -> tuple[Float[Tensor, "k p"], Bool[Tensor, "p"], Float[Tensor, "k p"], Float[Tensor, "k p"]]:
+    """Bilinear values of an image at pixels, whether these are inside, and the least and largest corner."""
+    height, width = image.shape[1:]
+    u, v = places[:, 0] - 0.5, places[:, 1] - 0.5
+    inside = (u >= 0) & (v >= 0) & (u < width - 1) & (v < height - 1)
+    u, v = torch.where(inside, u, 0.0), torch.where(inside, v, 0.0)
+    x, y = u.detach().floor().long(), v.detach().floor().long()
+    first = y * width + x
+    flat = image.flatten(1)
+    step_x, step_y = min(1, width - 1), width * min(1, height - 1)
+    corners = [flat[:, first + across + down] for down in (0, step_y) for across in (0, step_x)]
+    s, t = u - x, v - y
+    value = (1 - t) * ((1 - s) * corners[0] + s * corners[1]) + t * ((1 - s) * corners[2] + s * corners[3])
+    stacked = torch.stack(corners).detach()
+    return value, inside, stacked.amin(0), stacked.amax(0)
+
+
+def _projected(points: Float[Tensor, "p 3"], z: Float[Tensor, "*p"], views: Views) -> Float[Tensor, "p 2"]:
+    return points[:, :2] / z[..., None] * views.focal_px[0] + views.centre_px[0]
+
+
+def _rays(views: Views) -> Float[Tensor, "p 3"]:
+    x, y = (side[0].expand(views.height, views.width) for side in views.rays)
+    return torch.stack([x, y, torch.ones_like(x)], -1).view(-1, 3)
+
+
+def _rigid(views: Views) -> Float[Tensor, "4 4"]:
+    return views.cam_from_world[0].double()
+
+
+def _inverse(rigid: Float[Tensor, "4 4"]) -> Float[Tensor, "4 4"]:
+    """Of a rotation and a shift, without a solver, which would wait for the device."""
+    turned = rigid[:3, :3].T
+    top = torch.cat([turned, -turned @ rigid[:3, 3:]], 1)
+    return torch.cat([top, rigid[3:]])

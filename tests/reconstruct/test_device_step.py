@@ -1,0 +1,253 @@
+"""Steps in plain PyTorch: the same optimisation as the native steps, on whatever device the engine has.
+
+On the processor `blend_natively` stands for gsplat, so that everything but gsplat's own kernels is run here.
+"""
+
+from dataclasses import replace
+
+import pytest
+import torch
+from torch.utils._python_dispatch import TorchDispatchMode
+
+import captures
+from goc.capture import CaptureConfig, load_capture
+from goc.errors import ConfigError, ReconstructError
+from goc.raster import CPU, NATIVE
+from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, reconstruct
+from goc.reconstruct.device_step import DeviceSteps, adam, add_penalties
+from goc.reconstruct.device_views import DeviceViews
+from goc.reconstruct.losses import GeometryPrior
+from goc.reconstruct.optimise import _add_penalties
+from goc.reconstruct.state import initial_state
+from goc.scene import Capture, Gaussians
+
+ON_DEVICE = replace(NATIVE, fused=False)
+STILL = Mcmc(max_splats=600, every=5, noise=0.0)
+"""Without noise, which native steps draw for fewer splats."""
+BASE = ReconstructConfig(
+    iterations=16,
+    checkpoint_every=0,
+    mcmc=STILL,
+    losses=LossWeights(photometric=0.3, geometric=0.1),
+    multiview=Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.5),
+)
+VARIANTS = {
+    "planes": BASE,
+    "expected": replace(BASE, depth="expected", sh_degree=3),
+    "rendered": replace(BASE, multiview=replace(BASE.multiview, neighbour_depth="rendered")),
+    "depth alone": replace(BASE, losses=LossWeights(depth_normal=0.0, photometric=0.0)),
+}
+
+
+@pytest.fixture(scope="module")
+def capture(tmp_path_factory) -> Capture:
+    return load_capture(captures.write_nerfstudio(tmp_path_factory.mktemp("room"), views=8), CaptureConfig())
+
+
+def random_state(seed: int = 0):
+    generator = torch.Generator().manual_seed(seed)
+    shapes = {"means": (50, 3), "quats": (50, 4), "log_scales": (50, 3), "opacity_logits": (50,), "sh": (50, 4, 3)}
+    state = initial_state(Gaussians(**{k: torch.randn(*s, generator=generator) for k, s in shapes.items()}), {})
+    for name, parameter in state.parameters.items():
+        parameter.grad = torch.randn(parameter.shape, generator=generator)
+        state.first[name] = torch.randn(parameter.shape, generator=generator)
+        state.second[name] = torch.rand(parameter.shape, generator=generator)
+    state.step = 6
+    return state
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_same_splats_come_out_as_of_native_steps(capture, variant):
+    config = VARIANTS[variant]
+    native, device = (reconstruct(capture, config, engine=engine) for engine in (NATIVE, ON_DEVICE))
+    assert len(native.gaussians) == len(device.gaussians)
+    first = reconstruct(capture, replace(config, iterations=1), engine=NATIVE).gaussians
+    moved = (native.gaussians.means - first.means).norm(dim=-1).median()
+    # Adam divides by the size of gradients: those near zero turn rounding into steps of other splats
+    apart = (native.gaussians.means - device.gaussians.means).norm(dim=-1)
+    assert apart.median() < 0.01 * moved
+    assert device.metrics["train_psnr_db"] == pytest.approx(native.metrics["train_psnr_db"], abs=0.1)
+    assert (native.labels == device.labels).float().mean() > 0.99
+
+
+def test_adam_is_the_native_one():
+    rates = {name: (0.1 * place,) for place, name in enumerate(random_state().parameters, 1)}
+    rates["sh"] = (0.1, 0.1, 0.1, 0.7)
+    native, device = random_state(), random_state()
+    native.adam(rates)
+    adam(device, rates)
+    for name, parameter in native.parameters.items():
+        assert torch.allclose(parameter, device.parameters[name], rtol=1e-5, atol=1e-6), name
+        assert torch.allclose(native.first[name], device.first[name], rtol=1e-5, atol=1e-6), name
+        assert torch.allclose(native.second[name], device.second[name], rtol=1e-5, atol=1e-6), name
+        assert device.parameters[name].grad is None
+
+
+def test_penalties_are_the_native_ones():
+    native, device = random_state(), random_state()
+    for state in (native, device):
+        state.parameters["opacity_logits"].grad[::3] = 0.0  # not in view
+    before = device.parameters["log_scales"].grad.clone()
+    _add_penalties(native, BASE)
+    add_penalties(device, BASE.mcmc)
+    for name in ("opacity_logits", "log_scales"):
+        assert torch.allclose(native.parameters[name].grad, device.parameters[name].grad, atol=1e-6), name
+    assert torch.equal(before[::3], device.parameters["log_scales"].grad[::3])
+
+
+def test_features_fill_what_colour_and_depth_leave_of_sixteen_channels(capture):
+    config = replace(BASE, iterations=30, labels="learned", depth="expected")
+    found = reconstruct(capture, config, engine=ON_DEVICE)
+    assert found.gaussians.identity.shape[1] == 12
+    voted = reconstruct(capture, replace(config, labels="votes"), engine=ON_DEVICE)
+    assert (found.labels == voted.labels).float().mean() > 0.6
+
+
+def test_several_views_a_step_are_their_mean(capture):
+    config = replace(BASE, views_a_step=3, iterations=6)
+    native, device = (reconstruct(capture, config, engine=engine) for engine in (NATIVE, ON_DEVICE))
+    apart = (native.gaussians.means - device.gaussians.means).norm(dim=-1)
+    alone = reconstruct(capture, replace(config, views_a_step=1), engine=ON_DEVICE)
+    assert apart.median() < 0.05 * (native.gaussians.means - alone.gaussians.means).norm(dim=-1).median()
+    with pytest.raises(ConfigError, match="views-a-step is 0: needs 1 or more"):
+        replace(config, views_a_step=0)
+
+
+def test_views_of_several_sizes_go_in_calls_of_one_size(capture):
+    small = capture.cameras[0].resized(32, 24)
+
+    def load(index):
+        frame = capture[index]
+        if index:
+            return frame
+        pick = {name: getattr(frame, name)[::2, ::2].contiguous() for name in ("image", "depth", "ids")}
+        return replace(frame, camera=small, normals=None, **pick)
+
+    mixed = replace(capture, cameras=(small, *capture.cameras[1:]), load=load)
+    sizes = set()
+
+    def blend(gaussians, views, channels):
+        sizes.add((len(views.cameras), views.height, views.width))
+        return NATIVE.blend(gaussians, views, channels)
+
+    reconstruct(mixed, replace(BASE, views_a_step=8, iterations=1), engine=replace(ON_DEVICE, blend=blend))
+    assert sizes == {(1, 24, 32), (7, 48, 64)}
+
+
+def haze(gaussians, views, channels):
+    """Every pixel shows every splat: PyTorch alone, in place of an engine that computes on the processor."""
+    shares = (gaussians.opacity_logits.sigmoid() * gaussians.log_scales.exp().sum(-1)).softmax(0)
+    size = (len(views.cameras), views.height, views.width)
+    image = torch.einsum("n,vnc->vc", shares, channels)[:, None, None].expand(*size, -1)
+    return image, (1.0 - shares.square().sum()).expand(size)
+
+
+class Asynchronous(TorchDispatchMode):
+    """Refuses operations for which the processor waits: their result's size or value is known to the device alone."""
+
+    WAITING = ("_local_scalar_dense", "nonzero", "masked_select", "_unique2", "equal", "is_nonzero", "item")
+
+    def __torch_dispatch__(self, operation, types, arguments=(), named=None):
+        name = operation.name().removeprefix("aten::").partition(".")[0]
+        indices = arguments[1] if name in ("index", "index_put", "index_put_") else ()
+        by_mask = any(index is not None and index.dtype == torch.bool for index in indices)
+        to_processor = name == "_to_copy" and (named or {}).get("device") == CPU
+        assert not by_mask and name not in self.WAITING and not to_processor, name
+        return operation(*arguments, **(named or {}))
+
+
+def test_steps_between_looks_never_wait_for_the_device(capture, monkeypatch):
+    step, calls = DeviceSteps.__call__, []
+
+    def refused(*arguments, **named):
+        raise AssertionError("a step waits for the device")
+
+    def guarded(self, state, rates):
+        if not 16 <= state.step < 39:  # views are on their way, or it is a look
+            return step(self, state, rates)
+        calls.append(state.step)
+        self._order = lambda task, number: [task.views[number % 8]]  # the true one draws on the processor
+        with monkeypatch.context() as patch, Asynchronous():
+            for name in ("tolist", "cpu", "numpy"):
+                patch.setattr(torch.Tensor, name, refused)
+            patch.setattr("goc.reconstruct.device_step.neighbour_of_step", lambda *given: (given[3] + 1) % 8)
+            return step(self, state, rates)
+
+    monkeypatch.setattr(DeviceSteps, "__call__", guarded)
+    early = replace(BASE.multiview, start=0.3)  # every view is remembered when the first of these steps comes
+    config = replace(BASE, iterations=40, mcmc=replace(STILL, every=1000), multiview=early)
+    reconstruct(capture, config, engine=replace(ON_DEVICE, blend=haze))
+    assert len(calls) == 23
+
+
+def test_views_that_do_not_fit_are_brought_again(capture, monkeypatch):
+    kept = reconstruct(capture, replace(BASE, iterations=12), engine=ON_DEVICE).gaussians
+    loads, start = [], DeviceViews.__init__
+
+    def small(self, task, device):
+        start(self, task, device)
+        self._room = 2 * 15 * 64 * 48
+        load = task.capture.load
+        counting = replace(task.capture, load=lambda index: loads.append(index) or load(index))
+        self._task = replace(task, capture=counting)
+
+    monkeypatch.setattr(DeviceViews, "__init__", small)
+    streamed = reconstruct(capture, replace(BASE, iterations=12), engine=ON_DEVICE).gaussians
+    assert torch.equal(kept.means, streamed.means)
+    counts = sorted(loads.count(view) for view in range(8))
+    assert counts[0] == counts[1] == 1 and counts[-1] > 1
+
+
+def test_a_checkpoint_of_one_engine_goes_on_with_another(capture, tmp_path):
+    checkpoint, config = tmp_path / "checkpoint.safetensors", replace(BASE, checkpoint_every=5)
+
+    def stop(event):
+        if event.stage == "reconstruct" and event.done == 8:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        reconstruct(capture, config, stop, checkpoint, engine=ON_DEVICE)
+    resumed = reconstruct(capture, config, checkpoint=checkpoint, resume=True, engine=NATIVE)
+    whole = reconstruct(capture, config, engine=ON_DEVICE)
+    assert resumed.metrics["train_psnr_db"] == pytest.approx(whole.metrics["train_psnr_db"], abs=0.1)
+
+
+def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
+    """Views that nothing is known of wait for the splats; then all are compared."""
+
+    def halved(index):
+        frame = capture[index]
+        return replace(frame, depth=0.5 * frame.depth, normals=None)
+
+    affine = replace(capture, load=halved, depth_kind="affine", points=None)
+    depths = {view: (capture.cameras[view], capture[view].depth) for view in range(4)}
+    config = replace(BASE, monocular=Monocular(settle=False))
+    found = [reconstruct(affine, config, known_depths=lambda: depths, engine=e) for e in (NATIVE, ON_DEVICE)]
+    apart = (found[0].gaussians.means - found[1].gaussians.means).norm(dim=-1)
+    assert apart.median() < 1e-3
+
+
+def test_a_loss_that_is_not_finite_is_named_at_the_next_look(capture):
+    loads = iter(range(1000))
+
+    def spoilt(index):
+        frame = capture[index]
+        if next(loads) < len(capture):  # good for the seeds
+            return frame
+        return replace(frame, depth=torch.full_like(frame.depth, 3.4e38))
+
+    with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
+        reconstruct(replace(capture, load=spoilt), BASE, engine=ON_DEVICE)
+
+
+def test_bytes_and_floats_are_the_same_normals(capture):
+    from goc.reconstruct.device_views import _unit_normals
+
+    given = torch.nn.functional.normalize(torch.randn(4, 5, 3), dim=-1)
+    given[0] = torch.nan
+    packed = torch.nan_to_num(given * 100).round().to(torch.int8)
+    depth = torch.ones(4, 5)
+    floats, octets = (_unit_normals(GeometryPrior(depth=depth, normals=n)) for n in (given, packed))
+    assert torch.equal(torch.isnan(floats), torch.isnan(octets))
+    assert (floats - octets)[1:].abs().max() < 0.01
+    assert _unit_normals(None) is None and CPU.type == "cpu"
