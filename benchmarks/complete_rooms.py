@@ -60,11 +60,10 @@ def main() -> None:
     parser.add_argument("--data", type=Path, default=Path("../shared/data/bench"))
     parser.add_argument("--rooms", nargs="+", default=list(ROOMS), choices=ROOMS)
     parser.add_argument("--views", nargs="+", default=list(CAPTURES), choices=list(CAPTURES))
-    parser.add_argument("--method", default="hull", choices=("hull", "lite", "osc"))
+    parser.add_argument("--methods", nargs="+", default=["hull", "lite"], choices=("hull", "lite", "osc"))
     parser.add_argument("--weights", type=Path, help="of a network, where goc ships none")
     parser.add_argument("--threshold", type=float, default=0.5, help="occupancy that counts as solid")
     arguments = parser.parse_args()
-    config = CompleteConfig(method=arguments.method, weights=arguments.weights, threshold=arguments.threshold)
     print("| room, views, method | " + " | ".join(COLUMNS) + " |")
     print("|" + "---|" * (len(COLUMNS) + 1))
     for room in arguments.rooms:
@@ -73,12 +72,14 @@ def main() -> None:
             started = time.perf_counter()
             objects = extract_objects(load_capture(folder / CAPTURES[views]), ExtractConfig())
             extracted = time.perf_counter()
-            done = complete_objects(objects, config)
-            finished = time.perf_counter()
             print(row(f"{room}, {views}, observed", folder, objects, len(objects), extracted - started), flush=True)
-            print(
-                row(f"{room}, {views}, {config.method}", folder, done, len(objects), finished - extracted), flush=True
-            )
+            for method in arguments.methods:
+                weights = None if method == "hull" else arguments.weights
+                config = CompleteConfig(method=method, weights=weights, threshold=arguments.threshold)
+                began = time.perf_counter()
+                done = complete_objects(objects, config)
+                seconds = time.perf_counter() - began
+                print(row(f"{room}, {views}, {method}", folder, done, len(objects), seconds), flush=True)
 
 
 if __name__ == "__main__":

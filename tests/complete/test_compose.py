@@ -169,7 +169,7 @@ def test_the_stage_closes_what_it_can_and_says_what_it_cannot():
         sdf=np.zeros((4, 4, 4), np.float32),
     )
     heard = []
-    done = complete_objects((found, bare(nothing, np.zeros((1, 3)))), CompleteConfig(), heard.append)
+    done = complete_objects((found, bare(nothing, np.zeros((1, 3)))), CompleteConfig(method="hull"), heard.append)
     assert [item.id for item in done] == [found.id]
     assert [event.done for event in heard if isinstance(event, Progress)] == [1, 2]
     assert [event.message for event in heard if isinstance(event, Warned)] == [
@@ -224,7 +224,7 @@ def test_what_a_small_object_fills_is_empty_for_the_large_one_below():
     )
     alone = compose(things[0], None)
     assert alone.mesh.vertices[:, 2].max() > 12
-    table_done, cup_done = complete_objects(things, CompleteConfig())
+    table_done, cup_done = complete_objects(things, CompleteConfig(method="hull"))
     assert [table_done.id, cup_done.id] == [1, 2]
     assert 7 < table_done.mesh.vertices[:, 2].max() < 8.6
     assert cup_done.mesh.vertices[:, 2].min() > 7

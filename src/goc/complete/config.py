@@ -15,8 +15,9 @@ ScanMethod = Literal["smooth", "hull", "lite", "osc"]
 class CompleteConfig:
     """How the surface that nobody saw is filled in."""
 
-    method: Method = "hull"
-    """none: objects stay open. hull: whatever no ray contradicts is solid. lite, osc: a network says what is."""
+    method: Method = "lite"
+    """lite: the network that goc ships (or --weights) says what is solid. osc: one of the paper's size does, from
+    --weights. hull: whatever no ray contradicts is solid. none: objects stay open."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: float = 0.5
