@@ -163,6 +163,7 @@ void bind_raster(nb::module_& module) {
       .def(nb::init<>())
       .def_prop_ro("records", &Raster::records, "(tile, splat) pairs of the last view.")
       .def_prop_ro("blocks", &Raster::blocks, "(record, block of 4×4 pixels) pairs of the last view.")
+      .def_prop_ro("bytes", &Raster::bytes, "Memory of the buffers; grows to that of the largest view and stays.")
       .def("forward", &forward, nb::arg("splats"), nb::arg("channels"), nb::arg("camera"), nb::arg("images"),
            nb::arg("alpha"), "Render the channels into the planes of images (c h w), taken together, and alpha (h w).")
       .def("backward", &backward, nb::arg("splats"), nb::arg("channels"), nb::arg("images"), nb::arg("alpha"),

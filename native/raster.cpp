@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <cstddef>
 #include <cstring>
 
@@ -81,8 +80,9 @@ void Raster::touch(const Splat2D& s, float reach_x, float reach_y, std::vector<T
   // Tiles whose pixel centres can lie within reach.
   const auto tiles = [](float from, float to, int count, int& first, int& last) {
     const float inverse = 1.0f / kTile;
-    first = (int)std::clamp(std::floor((from - 0.5f) * inverse), 0.0f, (float)count);
-    last = (int)std::clamp(std::floor((to - 0.5f) * inverse) + 1.0f, 0.0f, (float)count);
+    // Truncation after the clamp is floor(), which baseline x86-64 has only as a call.
+    first = (int)std::clamp((from - 0.5f) * inverse, 0.0f, (float)count);
+    last = (int)std::clamp((to - 0.5f) * inverse + 1.0f, 0.0f, (float)count);
   };
   int x0, x1, y0, y1;
   tiles(s.x - reach_x, s.x + reach_x, tiles_x_, x0, x1);
@@ -216,7 +216,8 @@ void Raster::backward(const SplatArrays& splats, const Channels& channels, const
       }
   });
   parallel_for(size_, kSplatGrain, [&](std::size_t begin, std::size_t end) {
-    std::vector<float> sum(stride + channel_count_);
+    thread_local std::vector<float> sum;
+    sum.resize(stride + channel_count_);
     for (std::size_t first = begin; first < end; first += 16)
       splats_backward(splats, channels, first, (int)std::min<std::size_t>(16, end - first), grads, stride, sum, out,
                       channels_out);
@@ -284,6 +285,15 @@ void Raster::median(std::int32_t* out) const {
 std::size_t Raster::blocks() const {
   std::size_t total = 0;
   for (const auto mask : masks_) total += (std::size_t)std::popcount(mask);
+  return total;
+}
+
+std::size_t Raster::bytes() const {
+  const auto of = [](const auto& buffer) { return buffer.capacity() * sizeof(buffer[0]); };
+  std::size_t total = rows_lines_.bytes() + grads_lines_.bytes() + of(touches_) + of(chunk_begin_) + of(ranges_) +
+                      of(by_depth_) + of(keys_) + of(keys_scratch_) + of(tile_begin_) + of(histogram_) + of(order_) +
+                      of(slots_) + of(masks_);
+  for (const auto& touches : touches_) total += of(touches);
   return total;
 }
 

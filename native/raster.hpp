@@ -36,6 +36,7 @@ struct ChannelGradients {
 class Lines {
  public:
   float* resized(std::size_t floats);
+  std::size_t bytes() const { return floats_.capacity() * sizeof(float); }
 
  private:
   std::vector<float> floats_;
@@ -58,6 +59,7 @@ class Raster {
   void visible(std::uint8_t* out) const;
   std::size_t records() const { return order_.size(); }
   std::size_t blocks() const;  // (record, block of 4×4 pixels) pairs
+  std::size_t bytes() const;   // capacity of all buffers: once they have seen the largest view, a step adds nothing
   const RasterCamera& camera() const { return camera_; }
   int width() const { return camera_.width; }
   int height() const { return camera_.height; }

@@ -79,7 +79,7 @@ class DeviceVolume:
     def finished(self) -> Volume:
         """The sums on the processor."""
         volume = Volume(self._lattice)
-        volume.planes[:] = self._sums.cpu().numpy().reshape(volume.planes.shape)
+        volume.sums[:] = self._sums.cpu().numpy().reshape(volume.sums.shape)
         return volume
 
     def add(self, view: DeviceDepth, wanted: int | None) -> None:

@@ -41,11 +41,6 @@ class Volume:
         )
 
     @property
-    def planes(self) -> Float32[np.ndarray, "s b 8 8 8"]:
-        """The sums, one kind after the other; shares their memory."""
-        return np.moveaxis(self.sums, -1, 0)
-
-    @property
     def weight(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Σ cos θ / z² of the rays that ended in the band, faded behind the surface."""
         return self.sums[_WEIGHT]
