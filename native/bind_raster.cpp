@@ -4,8 +4,10 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/vector.h>
 
+#include <mutex>
 #include <optional>
 #include <stdexcept>
+#include <utility>
 #include <vector>
 
 #include "arrays.hpp"
@@ -69,11 +71,42 @@ std::vector<T*> planes_of(const Images& images, const RasterCamera& camera) {
   return out;
 }
 
+// Rasters of views that Python forgot, for the next ones: a step allocates no buffers.
+struct Shelf {
+  std::mutex lock;
+  std::vector<Raster> idle;
+};
+Shelf& shelf() {
+  static Shelf* kept = new Shelf;  // outlives every view, whatever order things end in
+  return *kept;
+}
+
+// A raster off the shelf, back there when Python forgets the view. Not a Python destructor: a Ctrl-C that arrives in
+// one is swallowed.
+class LentRaster : public Raster {
+ public:
+  LentRaster() : Raster(taken()) {}
+  LentRaster(const LentRaster&) = delete;
+  ~LentRaster() {
+    std::lock_guard held(shelf().lock);
+    shelf().idle.push_back(std::move(*this));
+  }
+
+ private:
+  static Raster taken() {
+    std::lock_guard held(shelf().lock);
+    if (shelf().idle.empty()) return {};
+    Raster out = std::move(shelf().idle.back());
+    shelf().idle.pop_back();
+    return out;
+  }
+};
+
 using Images = std::vector<Image>;
 using ImagesOut = std::vector<ImageOut>;
 using Gradients = std::vector<std::optional<Image>>;
 
-void forward(Raster& self, const Splats& splats, const ChannelArrays& arrays, const RasterCamera& camera,
+void forward(LentRaster& self, const Splats& splats, const ChannelArrays& arrays, const RasterCamera& camera,
              const ImagesOut& images, PlaneOut alpha) {
   const SplatArrays given = splats.arrays();
   const Channels channels = arrays.channels(given.size, camera.view);
@@ -85,7 +118,7 @@ void forward(Raster& self, const Splats& splats, const ChannelArrays& arrays, co
   self.forward(given, channels, camera, planes.data(), alpha.data());
 }
 
-void backward(Raster& self, const Splats& splats, const ChannelArrays& arrays, const Images& images, Plane alpha,
+void backward(LentRaster& self, const Splats& splats, const ChannelArrays& arrays, const Images& images, Plane alpha,
               const Gradients& image_grads, std::optional<Plane> alpha_grad, std::optional<PlaneOut> means,
               std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<Flat> logits,
               std::optional<ImageOut> sh, std::optional<PlaneOut> features) {
@@ -159,7 +192,7 @@ void bind_raster(nb::module_& module) {
         for (int i = 0; i < 16; ++i) self->view[i] = view.data()[i];
       });
 
-  nb::class_<Raster>(module, "Raster", "One rendered view and the buffers behind it; reusable for another view.")
+  nb::class_<LentRaster>(module, "Raster", "One rendered view and the buffers behind it, which serve another view once it is forgotten.")
       .def(nb::init<>())
       .def_prop_ro("records", &Raster::records, "(tile, splat) pairs of the last view.")
       .def_prop_ro("blocks", &Raster::blocks, "(record, block of 4×4 pixels) pairs of the last view.")
@@ -170,14 +203,24 @@ void bind_raster(nb::module_& module) {
            nb::arg("image_grads"), nb::arg("alpha_grad").none(), nb::arg("means").none(), nb::arg("quats").none(),
            nb::arg("log_scales").none(), nb::arg("logits").none(), nb::arg("sh").none(), nb::arg("features").none(),
            "Gradients of the last forward, every row; an image without a gradient has None.")
-      .def("median", [](const Raster& self, nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> out) {
+      .def("median", [](const LentRaster& self, nb::ndarray<std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu> out) {
         check(out.shape(0) == (std::size_t)self.height() && out.shape(1) == (std::size_t)self.width(),
               "out must be (height, width) of the last view");
         self.median(out.data());
       }, "Splat at which each pixel of the last view turns half opaque; -1 where none does.")
-      .def("visible", [](const Raster& self, nb::ndarray<std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> out) {
+      .def("visible", [](const LentRaster& self, nb::ndarray<std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> out) {
         self.visible(out.data());
       }, "One byte a splat: 1 where it touches the view.");
+  module.def("idle_rasters", [] {
+    std::lock_guard held(shelf().lock);
+    std::vector<std::size_t> bytes;
+    for (const Raster& raster : shelf().idle) bytes.push_back(raster.bytes());
+    return bytes;
+  }, "Bytes of each raster that waits for a view.");
+  module.def("forget_idle_rasters", [] {
+    std::lock_guard held(shelf().lock);
+    shelf().idle.clear();
+  }, "Free the memory of rasters that wait for a view.");
 }
 
 }  // namespace goc

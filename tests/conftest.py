@@ -3,10 +3,13 @@
 import os
 from pathlib import Path
 
+import hypothesis
 import pytest
 import torch
 
 torch.set_num_threads(1)  # its threads spin, and fight the native pool on a busy machine
+hypothesis.settings.register_profile("goc", deadline=None)  # times belong into benchmarks/
+hypothesis.settings.load_profile("goc")
 
 
 @pytest.fixture(scope="session")

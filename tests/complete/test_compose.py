@@ -33,7 +33,7 @@ def bare(evidence, points):
 
 
 @given(arrays(np.float32, (6, 5, 7), elements=st.floats(-1, 1, width=32)))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_any_field_makes_a_closed_surface(field):
     """Noise has all sign patterns, zeros and values next to zero."""
     vertices, faces = meshed(field)
@@ -55,7 +55,7 @@ sdfs = arrays(np.float32, (7, 6, 5), elements=st.floats(-0.25, 0.25, width=32))
 
 
 @given(states, sdfs, st.booleans(), st.integers(0, 99))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_any_evidence_becomes_one_closed_surface(state, sdf, with_fill, seed):
     evidence = EvidenceGrid(origin=np.array([1.0, 2.0, 3.0]), voxel=0.1, state=state, sdf=sdf)
     grid = with_margin(evidence)
@@ -74,7 +74,7 @@ def test_any_evidence_becomes_one_closed_surface(state, sdf, with_fill, seed):
 
 
 @given(states, sdfs)
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_the_hull_contradicts_no_ray(state, sdf):
     evidence = EvidenceGrid(origin=np.zeros(3), voxel=0.1, state=state, sdf=sdf)
     field = evidence_hull(evidence)
@@ -184,7 +184,10 @@ def test_the_stage_closes_what_it_can_and_says_what_it_cannot():
         ({"threshold": 1.0}, r"--complete\.threshold is 1\.0: it is an occupancy"),
         ({"coarse_cells": 4}, r"--complete\.coarse-cells is 4: needs 8 to 512"),
         ({"method": "osc"}, r"method osc needs --complete\.weights"),
-        ({"weights": __file__}, r"--complete\.weights is given, but --complete\.method hull uses none"),
+        (
+            {"method": "hull", "weights": __file__},
+            r"weights is given, but --complete\.method hull uses none",
+        ),
     ],
 )
 def test_settings_that_mean_nothing_are_refused(settings, text):

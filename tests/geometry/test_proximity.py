@@ -22,7 +22,7 @@ def soup(seed, triangles, size=0.5):
     return corners.reshape(-1, 3).astype(np.float32), np.arange(3 * triangles, dtype=np.int32).reshape(-1, 3)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), triangles=st.sampled_from([1, 3, 5, 40]))
 def test_distances_equal_the_twin(seed, triangles):
     vertices, faces = soup(seed, triangles)
@@ -44,7 +44,7 @@ def test_distances_to_a_cube():
     np.testing.assert_allclose(found, [0.25, 1.0, np.sqrt(3), 0.4, 0.0], atol=1e-12)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10_000))
 def test_winding_numbers_equal_solid_angles(seed):
     rng = np.random.default_rng(seed)
@@ -63,7 +63,7 @@ def test_winding_counts_overlaps_and_rooms():
     assert scene(inside_out(cube())).winding(points).tolist() == [-1, -1, 0, 0]
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), triangles=st.sampled_from([2, 6, 30]))
 def test_crossings_equal_the_twin(seed, triangles):
     vertices, faces = soup(seed, triangles, size=1.0)
@@ -72,7 +72,7 @@ def test_crossings_equal_the_twin(seed, triangles):
     np.testing.assert_array_equal(TriangleScene(vertices, faces).crossings(), expected)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000))
 def test_crossings_with_common_corners_equal_the_twin(seed):
     """Triangles over few corners share many of them, on a lattice many planes too."""

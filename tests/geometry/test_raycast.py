@@ -25,7 +25,7 @@ def cube(half=1.0):
     return corners, np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))], np.int32)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000), triangles=st.sampled_from([1, 2, 4, 5, 9, 300]))
 def test_hits_equal_the_brute_force_twin(seed, triangles):
     vertices, faces = soup(seed, triangles)
@@ -39,7 +39,7 @@ def test_hits_equal_the_brute_force_twin(seed, triangles):
     np.testing.assert_allclose(points, (origins + t[:, None] * directions)[found], atol=1e-7)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 10_000), distance=st.floats(0.0, 5.0))
 def test_occlusion_is_a_closest_hit_before_the_distance(seed, distance):
     vertices, faces = soup(seed, 200)

@@ -9,7 +9,6 @@ import torch
 
 from goc import _native
 from goc.raster import blend_view, rasterize
-from goc.raster.rasterize import idle_rasters
 from goc.scene import Camera, Gaussians
 
 
@@ -39,30 +38,26 @@ def step(gaussians: Gaussians, view: Camera) -> None:
     (shown.colour.sum() + shown.geometry.sum() + shown.alpha.sum()).backward()
 
 
-def buffers() -> list[int]:
-    return [raster.bytes for raster in idle_rasters]
-
-
 def test_steps_after_the_first_allocate_no_buffers():
     gaussians, view = random_splats(3000), camera()
-    idle_rasters.clear()
+    _native.forget_idle_rasters()
     for _ in range(3):  # two buffers of the sort change places
         step(gaussians, view)
-    before = buffers()
+    before = _native.idle_rasters()
     assert len(before) == 1 and before[0] > 64 * 3000  # a cache line a splat, at least
     for _ in range(4):
         step(gaussians, view)
-    assert buffers() == before
+    assert _native.idle_rasters() == before
 
 
 @pytest.mark.parametrize("draw", [blend_view, rasterize])
 def test_a_view_that_is_forgotten_gives_its_buffers_back(draw):
     gaussians, view = random_splats(3000), camera()
-    idle_rasters.clear()
+    _native.forget_idle_rasters()
     for _ in range(6):
         draw(gaussians, view, True if draw is blend_view else torch.ones(3000, 2))
     gc.collect()
-    assert len(idle_rasters) == 1
+    assert len(_native.idle_rasters()) == 1
 
 
 def test_two_views_at_once_have_buffers_of_their_own():

@@ -14,7 +14,7 @@ def samples(count: int = 400, seed: int = 0) -> torch.Tensor:
     return 0.5 + 3.0 * torch.rand(count, generator=torch.Generator().manual_seed(seed))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(k=st.floats(0.1, 10.0), b=st.floats(-0.04, 2.0), kind=st.sampled_from(["affine", "inverse"]))
 def test_exact_depth_gives_back_scale_and_offset(k, b, kind):
     stored = samples()

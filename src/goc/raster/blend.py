@@ -8,7 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
-from goc.raster.rasterize import Lease, native_camera
+from goc.raster.rasterize import native_camera, taken_raster
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
@@ -56,12 +56,12 @@ class _BlendView(torch.autograd.Function):
         counts = [3, 4 if planes else 1] + ([] if arrays[5] is None else [arrays[5].shape[1]])
         images = [torch.empty(count, camera.height, camera.width) for count in counts]
         alpha = torch.empty(camera.height, camera.width)
-        lease = Lease()
+        raster = _native.Raster()
         channels = _native.Channels(arrays[5], arrays[4], planes)
-        lease.raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), images, alpha)
+        raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), images, alpha)
         if any(ctx.needs_input_grad):
             ctx.save_for_backward(*arrays, *images, alpha)
-            ctx.lease, ctx.planes = lease, planes
+            ctx.raster, ctx.planes = raster, planes
             ctx.set_materialize_grads(False)
         return *images, alpha
 
@@ -71,8 +71,7 @@ class _BlendView(torch.autograd.Function):
         gradients = [None if array is None else torch.empty_like(array) for array in arrays]
         *image_grads, alpha_grad = [None if grad is None else grad.contiguous() for grad in upstream]
         channels = _native.Channels(arrays[5], arrays[4], ctx.planes)
-        ctx.lease.raster.backward(
+        taken_raster(ctx).backward(
             _native.Splats(*arrays[:4]), channels, images, alpha, image_grads, alpha_grad, *gradients
         )
-        ctx.lease.give_back()
         return *gradients, None, None

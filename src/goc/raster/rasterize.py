@@ -14,9 +14,6 @@ from goc.raster.views import views_of
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
-idle_rasters: list[_native.Raster] = []
-"""Buffers of finished views, so that a step allocates nothing."""
-
 
 def rasterize(
     gaussians: Gaussians, camera: Camera, channels: Float[Tensor, "n c"]
@@ -74,39 +71,23 @@ def _binned(gaussians: Gaussians, camera: Camera) -> Iterator[_native.Raster]:
     """A view of the splats, on the CPU, that shows nothing in particular."""
     arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits)
     splats = _native.Splats(*(array.detach().cpu().contiguous() for array in arrays))
-    lease = Lease()
+    raster = _native.Raster()
     image, alpha = torch.empty(1, camera.height, camera.width), torch.empty(camera.height, camera.width)
     channels = _native.Channels(torch.zeros(len(gaussians), 1))
-    lease.raster.forward(splats, channels, native_camera(camera), [image], alpha)
-    yield lease.raster
-    lease.give_back()
+    raster.forward(splats, channels, native_camera(camera), [image], alpha)
+    yield raster
 
 
-class Lease:
-    """A raster that no other view uses; idle again when the view is differentiated or forgotten."""
+def taken_raster(ctx: Any) -> _native.Raster:
+    """The raster of a forward, for its only backward: afterwards its buffers serve another view.
 
-    def __init__(self) -> None:
-        self._raster: _native.Raster | None = idle_rasters.pop() if idle_rasters else _native.Raster()
-
-    @property
-    def raster(self) -> _native.Raster:
-        """The raster, until it is given back.
-
-        Raises:
-            RuntimeError: it was given back: its buffers may hold another view.
-        """
-        if self._raster is None:
-            raise RuntimeError("a rendered view can be differentiated once: retain_graph does not work here")
-        return self._raster
-
-    def give_back(self) -> None:
-        """Let another view use the raster."""
-        if self._raster is not None:
-            idle_rasters.append(self._raster)
-            self._raster = None
-
-    def __del__(self) -> None:
-        self.give_back()
+    Raises:
+        RuntimeError: it was taken before.
+    """
+    raster, ctx.raster = ctx.raster, None
+    if raster is None:
+        raise RuntimeError("a rendered view can be differentiated once: retain_graph does not work here")
+    return raster
 
 
 def native_camera(camera: Camera) -> _native.RasterCamera:
@@ -123,11 +104,11 @@ class _Rasterize(torch.autograd.Function):
         arrays = [array.detach().contiguous() for array in (means, quats, log_scales, logits, channels)]
         planes = torch.empty(channels.shape[1], camera.height, camera.width)
         alpha = torch.empty(camera.height, camera.width)
-        lease, channels = Lease(), _native.Channels(arrays[4])
-        lease.raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), [planes], alpha)
+        raster, channels = _native.Raster(), _native.Channels(arrays[4])
+        raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), [planes], alpha)
         if any(ctx.needs_input_grad):
             ctx.save_for_backward(*arrays, planes, alpha)
-            ctx.lease = lease
+            ctx.raster = raster
             ctx.set_materialize_grads(False)
         return planes, alpha
 
@@ -138,7 +119,7 @@ class _Rasterize(torch.autograd.Function):
         splat_grads: tuple[Tensor | None, ...] = (None, None, None, None)
         if any(ctx.needs_input_grad[:4]):
             splat_grads = tuple(torch.empty_like(array) for array in (means, quats, log_scales, logits))
-        ctx.lease.raster.backward(
+        taken_raster(ctx).backward(
             _native.Splats(means, quats, log_scales, logits),
             _native.Channels(channels),
             [planes],
@@ -149,5 +130,4 @@ class _Rasterize(torch.autograd.Function):
             None,
             channels_grad,
         )
-        ctx.lease.give_back()
         return *splat_grads, channels_grad, None
