@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
 from goc.complete import CompleteConfig, complete_objects, compose, compose_field, evidence_hull, with_margin
-from goc.complete.compose import without_hollows
+from goc.complete.compose import without_hollows, without_pockets
 from goc.errors import ConfigError
 from goc.events import Progress, Warned
 from goc.geometry.isosurface import grid_surface
@@ -145,6 +145,32 @@ def test_a_hollow_that_nothing_leads_to_is_filled():
     assert without_hollows(field)[4, 4, 4] == -1
     field[4, 4, :5] = 1  # a way out
     assert without_hollows(field)[4, 4, 4] == 1
+
+
+def pocket(gap, state=Evidence.UNKNOWN):
+    """A solid of 100 voxels with a room inside, and a square tunnel into it from seen-empty space above."""
+    field, evidence = np.full((104, 40, 40), -1.0, np.float32), np.full((104, 40, 40), Evidence.UNKNOWN, np.uint8)
+    outside = np.pad(np.zeros((100, 36, 36), bool), 2, constant_values=True)
+    field[outside], evidence[outside] = 1, Evidence.EMPTY
+    field[40:60, 12:28, 12:28] = 1
+    tunnel = slice(50, 50 + gap), slice(20, 20 + gap), slice(20, 38)
+    field[tunnel] = 1
+    evidence[tunnel] = np.where(outside[tunnel], Evidence.EMPTY, state)
+    return field, evidence
+
+
+def test_guessed_space_behind_a_narrow_gap_is_filled():
+    field, state = pocket(2)
+    filled = without_pockets(field, state)
+    assert (filled[4:-4, 4:-4, 4:-4] == -1).all()  # the gap's mouth stays a dent
+    assert (filled[state == Evidence.EMPTY] == 1).all()
+    wide, state = pocket(8)
+    assert np.array_equal(without_pockets(wide, state), wide)
+
+
+def test_a_narrow_gap_that_rays_passed_leads_somewhere():
+    field, state = pocket(2, Evidence.EMPTY)
+    assert np.array_equal(without_pockets(field, state), field)
 
 
 def test_colours_are_carried_over_and_spread():

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int32
+from jaxtyping import Bool, Float32, Int32, UInt8
 from scipy import ndimage
 
 from goc.complete.colours import spread_colours
@@ -18,6 +18,9 @@ _SEAM = 3.0
 _SEAM_ROUNDS = 12
 _LEAST_SHARE = 0.02
 """Share of the measured surface that a piece must carry to be a part of the object."""
+_NARROWEST = 0.03
+"""Gaps narrower than this share of the grid's longest side lead nowhere: networks are not that sharp where nothing
+was seen (docs/decisions/0031)."""
 _OUTSIDE_LINKS = ndimage.generate_binary_structure(3, 2)
 """Marching cubes here parts inside corners that touch across an edge only, and so joins outside corners that do."""
 
@@ -55,12 +58,15 @@ def compose_field(
 
     Returns:
         Measured voxels have their measured sign, save in pieces that were dropped and in holes that were closed:
-        pieces with next to no measured surface, and hollows that nothing outside leads to.
+        pieces with next to no measured surface, and hollows that nothing outside leads to. Space that a model left
+        free behind gaps too narrow for it to know of is solid.
     """
     distance = evidence_hull(evidence)
     if fill is not None:
         distance = _filled(distance, np.clip(fill, -BAND, BAND).astype(np.float32), evidence)
     distance = np.where(np.abs(distance) < 1e-3, np.float32(1e-3), distance)  # zero has no side
+    if fill is not None:
+        distance = without_pockets(distance, evidence.state)
     distance = without_crumbs(distance, _voxels_of(seen, evidence))
     return Composition(distance=without_hollows(distance), evidence=evidence)
 
@@ -111,6 +117,29 @@ def without_crumbs(
     keep[np.lexsort((sizes, votes))[-1]] = True
     dropped = np.concatenate([[False], ~keep])[pieces]
     return np.where(dropped, -distance, distance)
+
+
+def without_pockets(
+    distance: Float32[np.ndarray, "x y z"], state: UInt8[np.ndarray, "x y z"]
+) -> Float32[np.ndarray, "x y z"]:
+    """Fill guessed space that only narrow gaps join to space that rays passed; what was seen empty stays so.
+
+    A network that is unsure behind a wall leaves pockets there, which crevices of a few voxels save from
+    `without_hollows`.
+
+    Args:
+        distance: voxels, positive outside.
+        state: Evidence; only unknown voxels are filled.
+    """
+    air, passed = distance > 0, state == Evidence.EMPTY
+    guessed = air & (state == Evidence.UNKNOWN)
+    side = 2 * (max(3, round(_NARROWEST * max(state.shape))) // 2) + 1
+    wide = ndimage.minimum_filter(air, size=side) | (air & passed)
+    rooms, count = ndimage.label(wide, _OUTSIDE_LINKS)
+    joined = np.zeros(count + 1, bool)
+    joined[rooms[passed & air]] = True
+    reached = ndimage.maximum_filter(joined[rooms], size=side)
+    return np.where(guessed & ~reached, -distance, distance)
 
 
 def without_hollows(distance: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
