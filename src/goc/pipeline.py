@@ -40,7 +40,9 @@ PRESETS = {
             sh_degree=3,
             depth="expected",
             labels="learned",
-            losses=LossWeights(depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1),
+            losses=LossWeights(
+                depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1, identity_every=2
+            ),
             rates=LearningRates(means=1.6e-4, opacity_logits=5e-2, sh_constant=2.5e-3, sh_rest=1.25e-4),
             mcmc=Mcmc(growth=0.05),
         )
