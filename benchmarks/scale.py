@@ -3,12 +3,14 @@
 Each run is a short `goc carve` in a process of its own, on a room of boxes (benchmarks/boxes.py, kept in
 build/benchmarks); one quantity grows at a time. `--thousand` adds 1,000 views of 640x480, for the memory they need.
 "growth" is the power of the quantity that the cost follows from the smallest to the largest run: 1 = proportional.
+Each result is kept as it comes; `--resume` takes those of a stopped benchmark.
 """
 
 import argparse
 import json
 import math
 import os
+import shutil
 import statistics
 import sys
 import time
@@ -23,6 +25,7 @@ from plot import Chart, draw
 from runs import Measured, reference_ms, run_apart
 
 KEPT = Path(__file__).parent.parent / "build" / "benchmarks"
+RESULTS = KEPT / "scale"
 STEPS = 60
 EXTRACTION = ("find surfaces", "fuse scene", "find objects", "fuse objects", "gather evidence")
 
@@ -78,14 +81,19 @@ THOUSAND = Case(views=1000, width=640, splats=80_000)
 
 
 def measured(case: Case) -> Measured:
-    """Make the capture if need be, and carve it."""
+    """Make the capture if need be, and carve it; once for all series that have the case."""
     room = case.room
+    known = RESULTS / f"{room.views}x{room.width}-{case.splats}-{room.objects}.json"
+    if known.is_file():
+        return Measured(**json.loads(known.read_text()))
     folder = KEPT / f"boxes-{room.views}x{room.width}-{room.objects}"
     box_capture(folder, room)
     started = time.monotonic()
     words = ("--iterations", str(STEPS), "--reconstruct.mcmc.max-splats", str(case.splats))
     run = run_apart(folder, words)
     print(f"{case}: {time.monotonic() - started:.0f} s", file=sys.stderr, flush=True)
+    known.parent.mkdir(parents=True, exist_ok=True)
+    known.write_text(json.dumps(asdict(run)))
     return run
 
 
@@ -150,7 +158,10 @@ def main() -> None:
     parser.add_argument("--docs", type=Path, help="Markdown page; the chart is put beside it")
     parser.add_argument("--thousand", action="store_true")
     parser.add_argument("--series", nargs="*", default=[series.name for series in SERIES], help="only these")
+    parser.add_argument("--resume", action="store_true", help="keep the results of a benchmark that was stopped")
     given = parser.parse_args()
+    if not given.resume:
+        shutil.rmtree(RESULTS, ignore_errors=True)
     chosen = [series for series in SERIES if series.name in given.series]
     before = reference_ms()
     found = {series.name: [measured(case) for case in series.cases] for series in chosen}
