@@ -10,11 +10,10 @@ from torch import Tensor
 
 from goc import _native
 from goc.extract.depth import DepthView
-from goc.extract.volume import BLOCK, Lattice, Volume
+from goc.extract.volume import BLOCK, DISTANCE, EMPTY, OTHER, RED, VIEWS, WEIGHT, Lattice, Volume
 
 _BLOCKS_AT_ONCE = 4096
 """Two million voxels, of which some 30 numbers each are in memory at once: 250 MB."""
-_DISTANCE, _WEIGHT, _VIEWS, _OTHER, _EMPTY, _RED = range(6)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -132,19 +131,19 @@ class DeviceVolume:
         distance, weight = (depth - z) * slope, slope / (z * z)
         own = torch.ones_like(z, dtype=torch.bool) if ids is None else ids == wanted
         passed = (distance > 0.5 * voxel) & (~own | (depth - z > truncation))
-        self._sums[_EMPTY].index_add_(0, voxels, torch.where(passed, weight, 0.0))
+        self._sums[EMPTY].index_add_(0, voxels, torch.where(passed, weight, 0.0))
         # Behind the surface trust fades: what is there may be the far side of something thin.
         faded = weight * ((truncation + distance) / (truncation - voxel)).clamp_max(1.0)
         faded = torch.where(distance.abs() <= truncation, faded, 0.0)
         if ids is not None:
-            self._sums[_OTHER].index_add_(0, voxels, torch.where(~own & (ids >= 0), faded, 0.0))
+            self._sums[OTHER].index_add_(0, voxels, torch.where(~own & (ids >= 0), faded, 0.0))
         rows = torch.nonzero(own & (distance.abs() <= truncation))[:, 0]
         faded, voxels, pixel = faded[rows], voxels[rows], pixel[rows]
-        self._sums[_DISTANCE].index_add_(0, voxels, faded * distance[rows])
-        self._sums[_WEIGHT].index_add_(0, voxels, faded)
-        self._sums[_VIEWS].index_add_(0, voxels, torch.ones_like(faded))
+        self._sums[DISTANCE].index_add_(0, voxels, faded * distance[rows])
+        self._sums[WEIGHT].index_add_(0, voxels, faded)
+        self._sums[VIEWS].index_add_(0, voxels, torch.ones_like(faded))
         if view.colours is not None:
-            self._sums[_RED : _RED + 3].index_add_(1, voxels, faded * view.colours[pixel].T)
+            self._sums[RED : RED + 3].index_add_(1, voxels, faded * view.colours[pixel].T)
 
 
 def _depth_at(

@@ -10,7 +10,8 @@ from goc.extract.depth import DepthView
 from goc.scene import Mesh
 
 BLOCK = 8
-_DISTANCE, _WEIGHT, _VIEWS, _OTHER, _EMPTY, _RED = range(6)
+DISTANCE, WEIGHT, VIEWS, OTHER, EMPTY, RED = range(6)
+"""Places of the sums in `Volume.sums`, as native/fuse.cpp has them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -43,37 +44,37 @@ class Volume:
     @property
     def weight(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Σ cos θ / z² of the rays that ended in the band, faded behind the surface."""
-        return self.sums[_WEIGHT]
+        return self.sums[WEIGHT]
 
     @property
     def views(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Number of views whose ray ended in the band."""
-        return self.sums[_VIEWS]
+        return self.sums[VIEWS]
 
     @property
     def other(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """The same of rays that ended on another id."""
-        return self.sums[_OTHER]
+        return self.sums[OTHER]
 
     @property
     def empty(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """The same of rays that passed through."""
-        return self.sums[_EMPTY]
+        return self.sums[EMPTY]
 
     def distance(self) -> Float32[np.ndarray, "b 8 8 8"]:
         """Mean signed distance of the rays that ended in the band; NaN where none did."""
         weight = self.weight
-        mean = self.sums[_DISTANCE] / np.where(weight > 0, weight, 1)
+        mean = self.sums[DISTANCE] / np.where(weight > 0, weight, 1)
         return np.where(weight > 0, mean, np.float32(np.nan))
 
     def distance_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
         """The same at voxels whose weight is above 0, by their index among all."""
-        return self.sums[_DISTANCE].reshape(-1)[voxels] / self.weight.reshape(-1)[voxels]
+        return self.sums[DISTANCE].reshape(-1)[voxels] / self.weight.reshape(-1)[voxels]
 
     def colours_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n 3"]:
         """Mean colour, 0 … 255, of voxels by their index among all; 0 where nothing was seen."""
         weight = self.weight.reshape(-1)[voxels]
-        planes = self.sums[_RED:].reshape(3, -1)
+        planes = self.sums[RED:].reshape(3, -1)
         return np.stack([plane[voxels] for plane in planes], axis=1) / np.where(weight > 0, weight, 1)[:, None]
 
 
