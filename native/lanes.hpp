@@ -34,8 +34,14 @@ struct alignas(64) SplatLanes {
 // Sixteen splats on the image plane, or gradients there.
 struct alignas(64) ProjectedLanes {
   float splat[8][16];  // the fields of Splat2D. Gradients: the six geometry numbers of a record
-  float reach[2][16];  // half-width and half-height of the smallest box round {alpha ≥ 1/255}, pixels
   float plane[4][16];  // normal (camera axes, towards the camera) and distance. Gradients: the same, or of the depth
+};
+
+// Where sixteen splats touch the image, in blocks of its tiles.
+struct alignas(64) Footprints {
+  std::int32_t first_x[16], last_x[16], first_y[16], last_y[16];  // box of {alpha ≥ 1/255}: [first, last)
+  float slope_x[16], slope_y[16];  // the least exponent along a row of pixels lies at slope_x·dy, along a column slope_y·dx
+  std::uint16_t window[16];        // touched blocks of the 4×4 that start with the box
 };
 
 constexpr int kPacked = 8;            // floats of a Splat2D
@@ -148,15 +154,17 @@ constexpr int kWindow = 2;          // half-width of the sweep's windows
 
 struct Kernels {
   const char* name;
-  // Bit l is set when splat l is before the camera and reaches alpha 1/255.
-  std::uint32_t (*project_lanes)(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out);
+  // Bit l is set when splat l is before the camera and its box in the image; footprints are those of such splats.
+  std::uint32_t (*project_lanes)(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+                                 Footprints& footprints);
   // planes, depths: the gradient has those of the planes, or of the depths of the centres.
   void (*project_lanes_backward)(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad,
                                  bool planes, bool depths, SplatLanes& out);
   // The first `count` spherical harmonics (1, 4, 9 or 16) of the directions from `eye` to the splats.
   void (*harmonics_lanes)(const SplatLanes& in, const float* eye, int count, float (*out)[16]);
-  // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b.
-  std::uint16_t (*touched_blocks)(const Splat2D& splat, float tile_x, float tile_y);
+  // Bit b is set when the splat reaches alpha ≥ 1/255 somewhere in the hull of the pixel centres of block b of the 4×4
+  // from pixel (x, y) on. Slopes are those of its footprint.
+  std::uint16_t (*touched_blocks)(const Splat2D& splat, float slope_x, float slope_y, int x, int y);
   // Writes the tile's pixels of image[c] (height, width) for each channel of the pass, and of alpha (height, width).
   // scratch: 16·count integers.
   void (*forward_tile)(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);

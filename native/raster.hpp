@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <vector>
 
+#include "bins.hpp"
 #include "lanes.hpp"
 
 namespace goc {
@@ -57,25 +58,17 @@ class Raster {
   void median(std::int32_t* out) const;
   // Splats that touch some tile of the view.
   void visible(std::uint8_t* out) const;
-  std::size_t records() const { return order_.size(); }
-  std::size_t blocks() const;  // (record, block of 4×4 pixels) pairs
-  std::size_t bytes() const;   // capacity of all buffers: once they have seen the largest view, a step adds nothing
+  std::size_t records() const { return bins_.records(); }
+  std::size_t blocks() const { return bins_.blocks(); }  // (record, block of 4×4 pixels) pairs
+  // Capacity of all buffers: once they have seen the largest view, a step adds nothing.
+  std::size_t bytes() const { return rows_lines_.bytes() + grads_lines_.bytes() + bins_.bytes(); }
   const RasterCamera& camera() const { return camera_; }
   int width() const { return camera_.width; }
   int height() const { return camera_.height; }
 
  private:
-  struct Touch {  // a tile that a splat reaches
-    std::uint16_t x, y, mask;
-  };
-  struct Range {  // of a splat's touches
-    std::uint32_t begin, count;
-  };
   void project_all(const SplatArrays& splats, const Channels& channels);
-  void sort_by_depth();
-  void bin();
   TileView tile(std::size_t index, int pass) const;
-  void touch(const Splat2D& splat, float reach_x, float reach_y, std::vector<Touch>& touches) const;
   const float* gather_passes(std::vector<float>& sum, int lane, ProjectedLanes& grad) const;
   void splats_backward(const SplatArrays& splats, const Channels& channels, std::size_t first, int count,
                        const float* grads, int stride, std::vector<float>& sum, const SplatGradients* out,
@@ -84,19 +77,11 @@ class Raster {
   int channels_of(int pass) const;
 
   RasterCamera camera_{};
-  int channel_count_ = 0, tiles_x_ = 0, tiles_y_ = 0, row_stride_ = 0;
+  int channel_count_ = 0, row_stride_ = 0;
   std::size_t size_ = 0;
   Lines rows_lines_, grads_lines_;
-  float* rows_ = nullptr;                     // a splat: Splat2D, channels
-  std::vector<std::vector<Touch>> touches_;   // of each chunk of splats
-  std::vector<std::uint32_t> chunk_begin_;    // first record of each chunk
-  std::vector<Range> ranges_;                 // of each splat in its chunk's touches
-  std::vector<std::uint32_t> by_depth_;       // visible splats, near to far
-  std::vector<std::uint64_t> keys_, keys_scratch_;
-  std::vector<std::uint32_t> tile_begin_, histogram_;
-  // Records, grouped by tile, near to far: splat, blocks, and where the gradient goes (all records of a splat together).
-  std::vector<std::uint32_t> order_, slots_;
-  std::vector<std::uint16_t> masks_;
+  float* rows_ = nullptr;  // a splat: Splat2D, channels
+  Bins bins_;
 };
 
 }  // namespace goc

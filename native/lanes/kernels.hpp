@@ -4,11 +4,12 @@
 
 namespace goc::GOC_ISA {
 
-std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out);
+std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+                            Footprints& footprints);
 void project_lanes_backward(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad, bool planes,
                             bool depths, SplatLanes& out);
 void harmonics_lanes(const SplatLanes& in, const float* eye, int count, float (*out)[16]);
-std::uint16_t touched_blocks(const Splat2D& splat, float tile_x, float tile_y);
+std::uint16_t touched_blocks(const Splat2D& splat, float slope_x, float slope_y, int x, int y);
 void forward_tile(const TileView& tile, float* const* image, float* alpha, std::uint32_t* scratch);
 void median_tile(const TileView& tile, float* median, std::uint32_t* scratch);
 void backward_tile(const TileView& tile, const float* const* image, const float* alpha, const float* const* image_grad,

@@ -7,6 +7,9 @@ namespace goc::GOC_ISA {
 namespace {
 
 constexpr float kLog2E = 1.4426950408889634f;
+alignas(64) const float kBlockX[16] = {0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12, 0, 4, 8, 12};
+alignas(64) const float kBlockY[16] = {0, 0, 0, 0, 4, 4, 4, 4, 8, 8, 8, 8, 12, 12, 12, 12};
+static_assert(kBlock == 4 && kTile == 16);
 
 GOC_INLINE Lanes negated(Lanes x) { return splat(0.0f) - x; }
 GOC_INLINE Lanes dot(const Lanes* a, const Lanes* b) { return fma(a[0], b[0], fma(a[1], b[1], a[2] * b[2])); }
@@ -98,6 +101,29 @@ GOC_INLINE void plane_of(const SplatLanes& in, const RasterCamera& camera, const
   plane.distance = plane.distance * plane.sign;
 }
 
+// Exact: the least of a convex quadratic over a rectangle lies at the centre, or on one of the two edges that face it.
+// On an edge it is a parabola, so its least point is known; both candidates lie in the rectangle, so the lesser is it.
+GOC_INLINE std::uint16_t touched(const Splat2D& s, float slope_x, float slope_y, int x, int y) {
+  const Lanes left = load(kBlockX) + (x + 0.5f - s.x), top = load(kBlockY) + (y + 0.5f - s.y);
+  const Lanes right = left + (kBlock - 1.0f), bottom = top + (kBlock - 1.0f);
+  const Lanes zero = splat(0.0f);
+  const Lanes edge_x = min(max(zero, left), right), edge_y = min(max(zero, top), bottom);
+  const Lanes best_y = min(max(edge_x * slope_y, top), bottom);
+  const Lanes best_x = min(max(edge_y * slope_x, left), right);
+  const Lanes on_x = fma(edge_x, fma(edge_x, s.a, best_y * s.b), best_y * best_y * s.c);
+  const Lanes on_y = fma(best_x, fma(best_x, s.a, edge_y * s.b), edge_y * edge_y * s.c);
+  return (std::uint16_t)bits(min(on_x, on_y) <= s.log2_opacity + kLog2Of255);
+}
+
+// The blocks that [x − reach, x + reach] pixels meet, of a side that has whole tiles of them; whether there are any.
+GOC_INLINE Mask span(Lanes x, Lanes reach, int pixels, std::int32_t* first, std::int32_t* last) {
+  const Lanes zero = splat(0.0f), end = splat((float)((pixels + kTile - 1) / kTile * (kTile / kBlock)));
+  const IntLanes from = truncate(min(max((x - reach - 0.5f) * (1.0f / kBlock), zero), end));
+  const IntLanes to = truncate(min(max((x + reach - 0.5f) * (1.0f / kBlock) + 1.0f, zero), end));
+  store(first, from), store(last, to);
+  return ~(from >= to);
+}
+
 }  // namespace
 
 void harmonics_lanes(const SplatLanes& in, const float* eye, int count, float (*out)[16]) {
@@ -124,7 +150,12 @@ void harmonics_lanes(const SplatLanes& in, const float* eye, int count, float (*
   store(out[15], x * (xx - yy * 3.0f) * -0.5900435899266435f);
 }
 
-std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out) {
+std::uint16_t touched_blocks(const Splat2D& splat, float slope_x, float slope_y, int x, int y) {
+  return touched(splat, slope_x, slope_y, x, y);
+}
+
+std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+                            Footprints& footprints) {
   Seen s;
   see(in, camera, s);
   const Lanes det = s.xx * s.yy - s.xy * s.xy, inverse_det = splat(1.0f) / det;
@@ -135,17 +166,29 @@ std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bo
   store(out.splat[3], s.xy * inverse_det * -kLog2E);
   store(out.splat[4], s.xx * inverse_det * (0.5f * kLog2E));
   store(out.splat[5], log2_opacity), store(out.splat[6], s.t[2]), store(out.splat[7], splat(0.0f));
-  const Lanes mahalanobis2 = (log2_opacity + kLog2Of255) * (2.0f / kLog2E);
-  const Lanes reach_x = sqrt(mahalanobis2 * s.xx), reach_y = sqrt(mahalanobis2 * s.yy);
-  store(out.reach[0], reach_x), store(out.reach[1], reach_y);
   if (planes) {
     Plane plane;
     plane_of(in, camera, s, plane);
     for (int k = 0; k < 3; ++k) store(out.plane[k], plane.normal[k]);
     store(out.plane[3], plane.distance);
   }
-  return bits((s.t[2] > splat(kNear)) & (s.opacity >= kMinAlpha) & (det > splat(0.0f)) & finite(x) & finite(y) &
-              finite(reach_x) & finite(reach_y));
+  // Half the box of {alpha ≥ 1/255}.
+  const Lanes mahalanobis2 = (log2_opacity + kLog2Of255) * (2.0f / kLog2E);
+  const Lanes reach_x = sqrt(mahalanobis2 * s.xx), reach_y = sqrt(mahalanobis2 * s.yy);
+  const Mask seen = (s.t[2] > splat(kNear)) & (s.opacity >= kMinAlpha) & (det > splat(0.0f)) & finite(x) & finite(y) &
+                    finite(reach_x) & finite(reach_y);
+  store(footprints.slope_x, s.xy / s.yy), store(footprints.slope_y, s.xy / s.xx);
+  const Mask in_image = span(keep(seen, x), reach_x, camera.width, footprints.first_x, footprints.last_x) &
+                        span(keep(seen, y), reach_y, camera.height, footprints.first_y, footprints.last_y);
+  const std::uint32_t found = bits(seen & in_image);
+  for (std::uint32_t rest = found; rest; rest &= rest - 1) {
+    const int l = __builtin_ctz(rest);
+    const Splat2D one{out.splat[0][l], out.splat[1][l], out.splat[2][l], out.splat[3][l], out.splat[4][l],
+                      out.splat[5][l], 0.0f, 0.0f};
+    footprints.window[l] = touched(one, footprints.slope_x[l], footprints.slope_y[l], footprints.first_x[l] * kBlock,
+                                   footprints.first_y[l] * kBlock);
+  }
+  return found;
 }
 
 void project_lanes_backward(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad, bool planes,

@@ -204,6 +204,9 @@ GOC_INLINE IntLanes splat_int(int x) {
   GOC_EACH(out.part[p] = IntPart{} + x)
   return out;
 }
+GOC_INLINE void store(std::int32_t* to, IntLanes x) {
+  GOC_EACH(__builtin_memcpy(to + p * kWidth, &x.part[p], sizeof(IntPart)))
+}
 #if defined(__AVX512F__)
 GOC_INLINE Mask operator==(IntLanes a, IntLanes b) {
   return {{_mm512_cmpeq_epi32_mask((__m512i)a.part[0], (__m512i)b.part[0])}};
@@ -339,66 +342,55 @@ GOC_INLINE void store_rows(float* to, long stride, Lanes x) {
 #endif
 }
 
-// Sixteen horizontal sums at once: lane i of the result is the sum of x[i]. Every level halves what is left of each sum
-// and brings two vectors into one.
+// Sixteen horizontal sums at once: lane i of the result is the sum of x[i]. Every step halves what is left of each sum
+// and brings two vectors into one; first within quarters of a register, which is quick.
 #if defined(__AVX512F__)
-GOC_INLINE Part halve8(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7, 16, 17, 18, 19, 20, 21, 22, 23) +
-         __builtin_shufflevector(a, b, 8, 9, 10, 11, 12, 13, 14, 15, 24, 25, 26, 27, 28, 29, 30, 31);
-}
-GOC_INLINE Part halve4(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
-         __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
-}
-GOC_INLINE Part halve2(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 4, 5, 8, 9, 12, 13, 16, 17, 20, 21, 24, 25, 28, 29) +
-         __builtin_shufflevector(a, b, 2, 3, 6, 7, 10, 11, 14, 15, 18, 19, 22, 23, 26, 27, 30, 31);
-}
-GOC_INLINE Part halve1(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30) +
-         __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15, 17, 19, 21, 23, 25, 27, 29, 31);
-}
-#define GOC_X(I) x[I].part[0]
-#define GOC_4(I) halve4(halve8(GOC_X(I), GOC_X(I + 1)), halve8(GOC_X(I + 2), GOC_X(I + 3)))
-GOC_INLINE Lanes sums(const Lanes* x) {
-  Lanes out;
-  out.part[0] = halve1(halve2(GOC_4(0), GOC_4(4)), halve2(GOC_4(8), GOC_4(12)));
-  return out;
-}
+#define GOC_SHUFFLED(A, B, I, J, K, L) \
+  __builtin_shufflevector(A, B, I, J, K, L, I + 4, J + 4, K + 4, L + 4, I + 8, J + 8, K + 8, L + 8, I + 12, J + 12, K + 12, L + 12)
+constexpr int kSecond = 16;  // index of the second operand's first element
 #elif defined(__AVX__)
-GOC_INLINE Part halve4(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 2, 3, 8, 9, 10, 11) + __builtin_shufflevector(a, b, 4, 5, 6, 7, 12, 13, 14, 15);
-}
-GOC_INLINE Part halve2(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 4, 5, 8, 9, 12, 13) + __builtin_shufflevector(a, b, 2, 3, 6, 7, 10, 11, 14, 15);
-}
-GOC_INLINE Part halve1(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 2, 4, 6, 8, 10, 12, 14) + __builtin_shufflevector(a, b, 1, 3, 5, 7, 9, 11, 13, 15);
-}
-#define GOC_X(I) (x[I].part[0] + x[I].part[1])
-#define GOC_4(I) halve2(halve4(GOC_X(I), GOC_X(I + 1)), halve4(GOC_X(I + 2), GOC_X(I + 3)))
-GOC_INLINE Lanes sums(const Lanes* x) {
-  Lanes out;
-  out.part[0] = halve1(GOC_4(0), GOC_4(4));
-  out.part[1] = halve1(GOC_4(8), GOC_4(12));
-  return out;
-}
+#define GOC_SHUFFLED(A, B, I, J, K, L) __builtin_shufflevector(A, B, I, J, K, L, I + 4, J + 4, K + 4, L + 4)
+constexpr int kSecond = 8;
 #else
+#define GOC_SHUFFLED(A, B, I, J, K, L) __builtin_shufflevector(A, B, I, J, K, L)
+constexpr int kSecond = 4;
+#endif
 GOC_INLINE Part halve2(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 1, 4, 5) + __builtin_shufflevector(a, b, 2, 3, 6, 7);
+  return GOC_SHUFFLED(a, b, 0, kSecond, 1, kSecond + 1) + GOC_SHUFFLED(a, b, 2, kSecond + 2, 3, kSecond + 3);
 }
 GOC_INLINE Part halve1(Part a, Part b) {
-  return __builtin_shufflevector(a, b, 0, 2, 4, 6) + __builtin_shufflevector(a, b, 1, 3, 5, 7);
+  return GOC_SHUFFLED(a, b, 0, 1, kSecond, kSecond + 1) + GOC_SHUFFLED(a, b, 2, 3, kSecond + 2, kSecond + 3);
 }
-#define GOC_X(I) ((x[I].part[0] + x[I].part[1]) + (x[I].part[2] + x[I].part[3]))
-#define GOC_4(I) halve1(halve2(GOC_X(I), GOC_X(I + 1)), halve2(GOC_X(I + 2), GOC_X(I + 3)))
-GOC_INLINE Lanes sums(const Lanes* x) {
-  Lanes out;
-  out.part[0] = GOC_4(0), out.part[1] = GOC_4(4), out.part[2] = GOC_4(8), out.part[3] = GOC_4(12);
+#undef GOC_SHUFFLED
+// The sum of the parts of x.
+GOC_INLINE Part folded(Lanes x) {
+  Part out = x.part[0];
+  GOC_EACH(if (p > 0) out += x.part[p])
   return out;
 }
+// Four sums, spread over the quarters of a part.
+GOC_INLINE Part quarters(const Lanes* x) {
+  return halve1(halve2(folded(x[0]), folded(x[1])), halve2(folded(x[2]), folded(x[3])));
+}
+GOC_INLINE Lanes sums(const Lanes* x) {
+  const Part a = quarters(x), b = quarters(x + 4), c = quarters(x + 8), d = quarters(x + 12);
+  Lanes out;
+#if defined(__AVX512F__)
+  const auto halve4 = [](Part left, Part right) __attribute__((always_inline)) {
+    return __builtin_shufflevector(left, right, 0, 1, 2, 3, 8, 9, 10, 11, 16, 17, 18, 19, 24, 25, 26, 27) +
+           __builtin_shufflevector(left, right, 4, 5, 6, 7, 12, 13, 14, 15, 20, 21, 22, 23, 28, 29, 30, 31);
+  };
+  out.part[0] = halve4(halve4(a, b), halve4(c, d));
+#elif defined(__AVX__)
+  const auto halve4 = [](Part left, Part right) __attribute__((always_inline)) {
+    return __builtin_shufflevector(left, right, 0, 1, 2, 3, 8, 9, 10, 11) +
+           __builtin_shufflevector(left, right, 4, 5, 6, 7, 12, 13, 14, 15);
+  };
+  out.part[0] = halve4(a, b), out.part[1] = halve4(c, d);
+#else
+  out.part[0] = a, out.part[1] = b, out.part[2] = c, out.part[3] = d;
 #endif
-#undef GOC_X
-#undef GOC_4
+  return out;
+}
 
 }  // namespace goc::GOC_ISA

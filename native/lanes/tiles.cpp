@@ -12,9 +12,15 @@ constexpr int kAhead = 6;  // records whose row is fetched before it is needed
 // alpha of the 16 pixels, 0 where it is below 1/255. dx, dy: pixel minus splat.
 GOC_INLINE Lanes alpha_of(const float* packed, Lanes dx, Lanes dy, Lanes& raw) {
   const Lanes along_x = fma(dx, packed[2], dy * packed[3]);
-  const Lanes power = packed[5] - fma(along_x, dx, dy * dy * packed[4]);
+  const Lanes power = (packed[5] - dy * dy * packed[4]) - along_x * dx;
   raw = exp2_above_minus_8(power);
   return keep(power >= -kLog2Of255, min(raw, splat(kMaxAlpha)));
+}
+
+// T·(1 − α), of the bits that forward and backward both have. Never more than T: a pixel that is opaque once stays it,
+// so that the sum of what comes waits for this product alone and for no comparison.
+GOC_INLINE Lanes let_through(Lanes transmittance, Lanes a) {
+  return fma(splat(0.0f) - a, transmittance, transmittance);
 }
 
 GOC_INLINE const float* row_of(const TileView& tile, int record) {
@@ -71,11 +77,10 @@ void forward(const TileView& tile, float* const* image, float* alpha, std::uint3
       const std::size_t at = (std::size_t)lists[b * tile.count + i] * tile.row_stride;
       const float *s = tile.rows + at, *v = channels + at;
       Lanes raw;
-      const Lanes taken = alpha_of(s, px - s[0], py - s[1], raw) * transmittance;
-      const Lanes next = transmittance - taken;
-      const Mask alive = next >= kMinTransmittance;
+      const Lanes a = alpha_of(s, px - s[0], py - s[1], raw), taken = a * transmittance;
+      transmittance = let_through(transmittance, a);
+      const Mask alive = transmittance >= kMinTransmittance;
       const Lanes weight = keep(alive, taken);
-      transmittance = keep(alive, next);
       total = total + weight;
       for (int c = 0; c < C; ++c) colour[c] = fma(weight, v[c], colour[c]);
       if (!bits(alive)) break;
@@ -141,7 +146,10 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       for (int k = 0; k < kFloats; k += 16) store(out + k, splat(0.0f));
       continue;
     }
-    if (r + kAhead < tile.count) __builtin_prefetch(row_of(tile, r + kAhead));
+    if (r + kAhead < tile.count) {
+      __builtin_prefetch(row_of(tile, r + kAhead));
+      __builtin_prefetch(grads + (std::size_t)tile.slots[r + kAhead] * grad_stride, 1);
+    }
     const float* row = row_of(tile, r);
     Lanes total[kFloats];
     for (int k = 0; k < kFloats; ++k) total[k] = splat(0.0f);
@@ -152,11 +160,10 @@ void backward(const TileView& tile, const float* const* image, const float* alph
       const Lanes dx = load(block.px) - s[0], dy = load(block.py) - s[1];
       Lanes raw;
       const Lanes a = alpha_of(s, dx, dy, raw);
-      const Lanes transmittance = load(block.transmittance), taken = a * transmittance;
-      const Lanes next = transmittance - taken;
+      const Lanes transmittance = load(block.transmittance), next = let_through(transmittance, a);
       const Mask open = next >= kMinTransmittance;
-      const Lanes weight = keep(open, taken);
-      store(block.transmittance, keep(open, next));
+      const Lanes weight = keep(open, a * transmittance);
+      store(block.transmittance, next);
       if (!bits(open)) alive &= ~(1u << b);
       // Two sums: one alone would wait for itself.
       Lanes value = kChannelsOnly ? splat(0.0f) : load(block.alpha_grad), other = splat(0.0f);
@@ -241,21 +248,6 @@ void backward_tile(const TileView& tile, const float* const* image, const float*
 #define GOC_CALL(C) backward<C, false>(tile, image, alpha, image_grad, alpha_grad, grads, grad_stride)
   GOC_FOR_CHANNELS(GOC_CALL)
 #undef GOC_CALL
-}
-
-// Exact: the least of a convex quadratic over a rectangle lies at the centre, or on one of the two edges that face it.
-// On an edge it is a parabola, so its least point is known; both candidates lie in the rectangle, so the lesser is it.
-std::uint16_t touched_blocks(const Splat2D& s, float tile_x, float tile_y) {
-  const Lanes left = load(kLaneX) * (float)kBlock + (tile_x + 0.5f - s.x);
-  const Lanes top = load(kLaneY) * (float)kBlock + (tile_y + 0.5f - s.y);
-  const Lanes right = left + (kBlock - 1.0f), bottom = top + (kBlock - 1.0f);
-  const Lanes zero = splat(0.0f);
-  const Lanes edge_x = min(max(zero, left), right), edge_y = min(max(zero, top), bottom);
-  const Lanes best_y = min(max(edge_x * (-0.5f * s.b / s.c), top), bottom);
-  const Lanes best_x = min(max(edge_y * (-0.5f * s.b / s.a), left), right);
-  const Lanes on_x = fma(edge_x, fma(edge_x, s.a, best_y * s.b), best_y * best_y * s.c);
-  const Lanes on_y = fma(best_x, fma(best_x, s.a, edge_y * s.b), edge_y * edge_y * s.c);
-  return (std::uint16_t)bits(min(on_x, on_y) <= s.log2_opacity + kLog2Of255);
 }
 
 }  // namespace goc::GOC_ISA
