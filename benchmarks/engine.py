@@ -135,14 +135,15 @@ def iteration_ms(splats: int) -> float:
     return statistics.median(gaps)
 
 
-def floor_ms(pairs: int, channels: int, product_ms: float) -> float:
+def floor_ms(splats: int, pairs: int, channels: int, product_ms: float) -> float:
     """Time of the multiplications alone at the rate of the product, forward and backward.
 
     By count of the source (native/lanes/tiles.cpp with AVX-512), a (record, block) pair of 16 pixels takes 9 + c
     instructions that multiply forward (form 5, exponential 3, weight 1) and 21 + 2c backward (these again, what lies
-    behind 1, reciprocal 3, gradient 3, moments 5).
+    behind 1, reciprocal 3, gradient 3, moments 5). By count of the compiled native/lanes/project.cpp, without planes, a
+    splat takes 467 multiplications (projection 132, twice; its image 31; its gradient 172) and 12 of 16 blocks each.
     """
-    multiplications = 16 * pairs * (30 + 3 * channels)
+    multiplications = 16 * pairs * (30 + 3 * channels) + splats * (467 + 12 * 16)
     return multiplications / (1024**3 / product_ms)
 
 
@@ -156,7 +157,7 @@ def measure() -> dict[str, Any]:
     rows = []
     for splats, channels in ((60_000, 4), (60_000, 8), (60_000, 24), (20_000, 8), (120_000, 8)):
         forward, backward = engine_times(splats, channels)
-        floor = floor_ms(work(splats)[1], channels, product)
+        floor = floor_ms(splats, work(splats)[1], channels, product)
         rows.append({"splats": splats, "channels": channels, "forward_ms": forward, "backward_ms": backward})
         rows[-1] |= {"floor_ms": floor, "floors": (forward + backward) / floor}
     return {

@@ -5,7 +5,7 @@ from dataclasses import replace
 import torch
 from torch import Tensor
 
-from goc.raster import CPU, median_depth, render, render_labels
+from goc.raster import CPU, render_surface
 from goc.scene.capture import UNLABELLED, Capture, Frame
 from goc.scene.reconstruction import Reconstruction
 
@@ -31,12 +31,10 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture, device: tor
     kept: dict[int, tuple[Tensor, Tensor | None]] = {}
 
     def rendered(index: int) -> tuple[Tensor, Tensor | None]:
-        camera = capture.cameras[index]
-        shown = render(gaussians, camera)
-        mixed = shown.depth_spread > _MAX_SPREAD * shown.depth
-        depth = torch.where(mixed, median_depth(gaussians, camera), shown.plane_depth)
+        shown = render_surface(gaussians, labels if labelled else None, capture.cameras[index], _MIN_ALPHA)
+        depth = torch.where(shown.mixed > _MAX_SPREAD, shown.median_depth, shown.plane_depth)
         depth = torch.where(shown.alpha >= _MIN_ALPHA, depth, torch.nan)
-        return depth.cpu(), render_labels(gaussians, labels, camera, _MIN_ALPHA).cpu() if labelled else None
+        return depth.cpu(), None if shown.ids is None else shown.ids.cpu()
 
     def load(index: int) -> Frame:
         depth, ids = kept[index] if index in kept else rendered(index)

@@ -2,8 +2,9 @@
 
 from goc.raster.blend import BlendedView, blend_view
 from goc.raster.engine import CPU, NATIVE, Engine, EngineName, choose_engine, cuda_flaw, working_device
-from goc.raster.rasterize import median_splats, rasterize, visible_splats
+from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median, visible_splats
 from goc.raster.render import centre_depths, median_depth, plane_channels, plane_depth, render, render_labels
+from goc.raster.surface import RenderedSurface, render_surface
 from goc.raster.views import Views, joined_views, view_channels, views_of
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "BlendedView",
     "Engine",
     "EngineName",
+    "RenderedSurface",
     "Views",
     "blend_view",
     "centre_depths",
@@ -23,8 +25,10 @@ __all__ = [
     "plane_channels",
     "plane_depth",
     "rasterize",
+    "rasterize_with_median",
     "render",
     "render_labels",
+    "render_surface",
     "view_channels",
     "views_of",
     "visible_splats",

@@ -1,7 +1,5 @@
 """`rasterize`: differentiable alpha blending of any channels, by native/raster.cpp or, on a CUDA device, by gsplat."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import Any
 
 import torch
@@ -52,30 +50,44 @@ def median_splats(gaussians: Gaussians, camera: Camera) -> Int32[Tensor, "h w"]:
 
     Found on the CPU wherever the splats are: gsplat 1.5 has no such image.
     """
-    out = torch.zeros(camera.height, camera.width, dtype=torch.int32)
-    with _binned(gaussians, camera) as raster:
-        raster.median(out)
-    return out.to(gaussians.means.device)
+    return _median(_drawn(gaussians, camera, torch.zeros(len(gaussians), 1))[2], camera).to(gaussians.means.device)
+
+
+@torch.no_grad()
+def rasterize_with_median(
+    gaussians: Gaussians, camera: Camera, channels: Float[Tensor, "n c"]
+) -> tuple[Float[Tensor, "h w c"], Float[Tensor, "h w"], Int32[Tensor, "h w"]]:
+    """What `rasterize` and `median_splats` return, without gradients; on the CPU from one look at the splats."""
+    if channels.is_cuda:
+        return *rasterize(gaussians, camera, channels), median_splats(gaussians, camera)
+    planes, alpha, raster = _drawn(gaussians, camera, channels)
+    return planes.permute(1, 2, 0), alpha, _median(raster, camera)
 
 
 def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:
     """Splats that reach alpha 1/255 somewhere in the view, whatever stands before them."""
     out = torch.zeros(len(gaussians), dtype=torch.uint8)
-    with _binned(gaussians, camera) as raster:
-        raster.visible(out)
+    _drawn(gaussians, camera, torch.zeros(len(gaussians), 1))[2].visible(out)
     return out.bool().to(gaussians.means.device)
 
 
-@contextmanager
-def _binned(gaussians: Gaussians, camera: Camera) -> Iterator[_native.Raster]:
-    """A view of the splats, on the CPU, that shows nothing in particular."""
-    arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits)
-    splats = _native.Splats(*(array.detach().cpu().contiguous() for array in arrays))
+def _median(raster: _native.Raster, camera: Camera) -> Int32[Tensor, "h w"]:
+    out = torch.zeros(camera.height, camera.width, dtype=torch.int32)
+    raster.median(out)
+    return out
+
+
+def _drawn(
+    gaussians: Gaussians, camera: Camera, channels: Float[Tensor, "n c"]
+) -> tuple[Float[Tensor, "c h w"], Float[Tensor, "h w"], _native.Raster]:
+    """Images of the channels, alpha, and what is known of the view, on the CPU."""
+    arrays = (gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits, channels)
+    *arrays, channels = [array.detach().cpu().contiguous() for array in arrays]
+    planes = torch.empty(channels.shape[1], camera.height, camera.width)
+    alpha = torch.empty(camera.height, camera.width)
     raster = _native.Raster()
-    image, alpha = torch.empty(1, camera.height, camera.width), torch.empty(camera.height, camera.width)
-    channels = _native.Channels(torch.zeros(len(gaussians), 1))
-    raster.forward(splats, channels, native_camera(camera), [image], alpha)
-    yield raster
+    raster.forward(_native.Splats(*arrays), _native.Channels(channels), native_camera(camera), [planes], alpha)
+    return planes, alpha, raster
 
 
 def taken_raster(ctx: Any) -> _native.Raster:

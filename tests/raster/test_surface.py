@@ -1,0 +1,49 @@
+"""`render_surface` against what it puts together: `render`, `median_depth`, `render_labels`."""
+
+import pytest
+import torch
+
+from goc.raster import median_depth, render, render_labels, render_surface
+from goc.scene import Camera, Gaussians
+
+
+def camera() -> Camera:
+    pose = torch.eye(4)
+    pose[0, 3] = 0.2
+    return Camera(
+        focal_px=torch.tensor([38.0, 41.0]),
+        centre_px=torch.tensor([25.0, 17.0]),
+        width=50,
+        height=35,
+        world_from_cam=pose,
+    )
+
+
+def splats(count: int = 400) -> Gaussians:
+    generator = torch.Generator().manual_seed(0)
+    return Gaussians(
+        means=torch.randn(count, 3, generator=generator) * 0.6 + torch.tensor([0.0, 0.0, 2.5]),
+        quats=torch.randn(count, 4, generator=generator),
+        log_scales=torch.randn(count, 3, generator=generator) * 0.5 - 2.2,
+        opacity_logits=torch.randn(count, generator=generator),
+        sh=torch.zeros(count, 4, 3),
+    )
+
+
+@pytest.mark.parametrize("ids", [5, 40])
+def test_a_surface_is_its_parts(ids):
+    gaussians = splats()
+    labels = (torch.arange(len(gaussians)) % ids - 1).to(torch.int16)
+    found, shown = render_surface(gaussians, labels, camera(), min_alpha=0.4), render(gaussians, camera())
+    assert torch.equal(found.alpha, shown.alpha)
+    assert torch.equal(found.ids, render_labels(gaussians, labels, camera(), 0.4))
+    assert len(torch.unique(found.ids)) > ids // 2
+    torch.testing.assert_close(found.median_depth, median_depth(gaussians, camera()), equal_nan=True)
+    torch.testing.assert_close(found.plane_depth, shown.plane_depth, equal_nan=True)
+    seen = shown.alpha > 0.01
+    torch.testing.assert_close((found.mixed * shown.depth)[seen], shown.depth_spread[seen], rtol=1e-3, atol=1e-4)
+    assert (found.mixed[seen] > 0.02).any() and (found.mixed[seen] < 0.02).any()
+
+
+def test_without_labels_there_are_no_ids():
+    assert render_surface(splats(), None, camera()).ids is None
