@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "lens.hpp"
+
 namespace goc {
 
 constexpr int kTile = 16;             // a tile is 16×16 pixels
@@ -96,6 +98,25 @@ struct DepthGradRow {
   const float *depth, *prior, *denominator;
   const float *from_left, *from_right, *from_above, *from_below;  // null without normals
   float depth_scale, normal_scale;
+};
+
+// Row y of a view against a neighbour; see multiview.hpp. Images start at the row, those of three planes are `plane` apart.
+struct PairRow {
+  const float *numerator, *denominator, *alpha;
+  const std::uint8_t* image;
+  int y;
+  Lens lens;                         // of the view
+  const std::uint8_t* source_image;  // the neighbour's
+  Lens source_lens;
+  const float* inverse_depth;        // what it sees, 0 = none
+  Lens depth_lens;
+  const float* from_view;            // (3, 4)
+  float tolerance;
+  std::size_t plane;
+  float *depth, *known;
+  float *warped, *seen, *slope;      // three planes each; null without L_pho
+  float* geometric_grad;             // null without L_geo
+  float* pulls;                      // three planes: u, v, and how much the neighbour's depth is pulled there; may be null
 };
 
 // Another photograph along a row of this one: sample i is at (start + i·step)/z, in pixels between centres.
@@ -202,6 +223,17 @@ struct Kernels {
   void (*penalty_rows)(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
                        float* logits_grad, float* log_scales_grad);
   void (*adam_rows)(const AdamRows& rows, std::size_t count, const AdamStep& step);
+  // Fills the row's images, every pixel of them, 0 where nothing is known. error: Σ w·e of L_geo; smooth: its pixels.
+  void (*pair_row)(const PairRow& row, float* error, int* smooth);
+  // Of a row of an image (three rows are read) the sums over 3 columns of x, y, x², y², xy: five rows.
+  void (*block_columns)(const float* x, const float* y, int width, float* out);
+  // From such sums the SSIM of the blocks round pixels 1 to width − 2 that are counted (1, else 0): its derivatives by a
+  // block's mean x, x² and xy, and the sum of Eq. (5).
+  float (*block_row)(const float* columns, const float* counted, const float* x, const float* y, int width,
+                     float* by_mean, float* by_square, float* by_product);
+  // Gradient of Eq. (5) for a row of x, from columns of the three derivatives with a zero on either side.
+  void (*block_grad_row)(const float* const* columns, const float* x, const float* y, const float* counted, int width,
+                         float* out);
   // Greys of a warped row, and 1 where they lie inside the photograph, else 0.
   void (*warp_row)(const WarpedRow& warp, int width, float* greys, float* inside);
   // 1 − ZNCC of a row's windows in [0, 1], 1 outside; rows are the window's, of both images. scratch: 3·(width + 4).

@@ -45,14 +45,6 @@ class MultiviewLoss {
                              float* numerator_grad, float* denominator_grad, float* inverse_grad);
 
  private:
-  struct Landing;
-  // A pixel's pull on the neighbour's inverse depth, at (u, v) there.
-  struct Pull {
-    float u, v, amount;
-  };
-
-  void warp_pixel(const WarpedView& view, const WarpSource& source, const MultiviewWeights& weights, int x, int y);
-  void fetch_colour(const WarpedView& view, const WarpSource& source, const Landing& landing, std::size_t pixel);
   void add_to_depth(const WarpedView& view, float photometric, float geometric, float* numerator_grad,
                     float* denominator_grad) const;
   void scatter_pulls(const Lens& lens, float scale, float* inverse_grad) const;
@@ -63,7 +55,7 @@ class MultiviewLoss {
   std::vector<float> known_;                     // (height, width): 1 where C̃ is known, else 0
   std::vector<float> warped_grad_;               // (3, height, width): of the sum over pixels
   std::vector<float> geometric_grad_;            // (height, width): of the sum over pixels, by D
-  std::vector<Pull> pulls_;                      // (height, width)
+  std::vector<float> pulls_;                     // (3, height, width): pulls on the neighbour's 1/z; see PairRow
   std::vector<PixelSum> geometric_sums_;         // of each row
 };
 

@@ -30,6 +30,12 @@ void fraction_grad_row(const float* numerator_grad, const float* denominator_gra
 void penalty_rows(const float* logits, const float* log_scales, std::size_t count, float opacity, float scale,
                   float* logits_grad, float* log_scales_grad);
 void adam_rows(const AdamRows& rows, std::size_t count, const AdamStep& step);
+void pair_row(const PairRow& row, float* error, int* smooth);
+void block_columns(const float* x, const float* y, int width, float* out);
+float block_row(const float* columns, const float* counted, const float* x, const float* y, int width, float* by_mean,
+                float* by_square, float* by_product);
+void block_grad_row(const float* const* columns, const float* x, const float* y, const float* counted, int width,
+                    float* out);
 void warp_row(const WarpedRow& warp, int width, float* greys, float* inside);
 void match_row(const float* const* rows, const float* const* warped, const float* mean, const float* scale,
                const float* inside, int width, float* scratch, float* costs);

@@ -67,6 +67,20 @@ GOC_INLINE Lanes load(const float* from) {
 }
 GOC_INLINE void store(float* to, Lanes x) { GOC_EACH(__builtin_memcpy(to + p * kWidth, &x.part[p], sizeof(Part))) }
 
+// The first `count` of sixteen; the others are 0, and their memory is not touched.
+GOC_INLINE Lanes load_some(const float* from, int count) {
+  if (count == 16) return load(from);
+  alignas(64) float out[16] = {};
+  for (int l = 0; l < count; ++l) out[l] = from[l];
+  return load(out);
+}
+GOC_INLINE void store_some(float* to, int count, Lanes x) {
+  if (count == 16) return store(to, x);
+  alignas(64) float out[16];
+  store(out, x);
+  for (int l = 0; l < count; ++l) to[l] = out[l];
+}
+
 // The same pointer, but the compiler may not know what it read there before. In a loop it would keep a vector for each
 // number it reads, in memory when registers run out: 64 bytes stored and loaded instead of four loaded.
 GOC_INLINE const float* reread(const float* from) {

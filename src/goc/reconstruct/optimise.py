@@ -19,8 +19,9 @@ from goc.reconstruct.state import State, load_checkpoint, save_checkpoint
 from goc.reconstruct.task import Task, generator_of, not_finite
 from goc.reconstruct.view_loss import view_loss
 
-_EXPLORING = 0.1
-"""Splats more opaque than this would move by less than 1e-4 of what a transparent one does: they are left alone."""
+_EXPLORING = math.log(0.1 / 0.9)
+"""Logit of 0.1: splats more opaque than that would move by less than 1e-4 of what a transparent one does. They are left
+alone."""
 
 
 def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoint: Path | None, resume: bool) -> State:
@@ -113,10 +114,11 @@ def _move(task: Task, state: State) -> None:
         _grow(state, min(task.budget, math.ceil(state.splats * (1 + mcmc.growth))), mcmc.min_opacity, generator)
     p = state.parameters
     strength = mcmc.noise * _means_rate(task, state)
-    opacities = p["opacity_logits"].sigmoid()
+    logits = p["opacity_logits"]
     # To find these rows is to wait for a device; there it is cheaper to move all of them.
-    rows = torch.nonzero(opacities < _EXPLORING)[:, 0] if task.engine.fused else slice(None)
-    p["means"][rows] += exploration(p["log_scales"][rows], p["quats"][rows], opacities[rows], strength, generator)
+    rows = torch.nonzero(logits < _EXPLORING)[:, 0] if task.engine.fused else slice(None)
+    opacities = logits[rows].sigmoid()
+    p["means"][rows] += exploration(p["log_scales"][rows], p["quats"][rows], opacities, strength, generator)
 
 
 def _relocate(state: State, min_opacity: float, generator: torch.Generator) -> None:

@@ -57,9 +57,9 @@ def _neighbour(task: Task, pairs: Pairs, state: State, view: int) -> Neighbour:
 @torch.no_grad()
 def _remember(task: Task, pairs: Pairs, state: State, view: int, depth: RenderedDepth) -> None:
     """Keep 1/z per metre in half precision: 0.05 % of the depth, and linear between pixels on planes."""
-    middle = pairs.stride // 2
-    inverse = inverse_depth(depth)[middle :: pairs.stride, middle :: pairs.stride]
-    state.views[memory_key(view)] = (inverse * task.capture.unit).half()
+    kept = (slice(pairs.stride // 2, None, pairs.stride),) * 2
+    few = RenderedDepth(numerator=depth.numerator[kept], denominator=depth.denominator[kept], alpha=depth.alpha[kept])
+    state.views[memory_key(view)] = (inverse_depth(few) * task.capture.unit).half()
 
 
 def memory_key(view: int) -> str:
