@@ -61,7 +61,7 @@ def surface_splats(count: int, generator: torch.Generator) -> Gaussians:
     )
 
 
-def median_ms(action: Callable[[], object], repeats: int = 15) -> float:
+def median_ms(action: Callable[[], object], repeats: int = 40) -> float:
     """Median wall time in milliseconds, after two warm-up calls."""
     times = []
     for turn in range(repeats + 2):
@@ -147,23 +147,29 @@ def floor_ms(splats: int, pairs: int, channels: int, product_ms: float) -> float
     return multiplications / (1024**3 / product_ms)
 
 
-def measure() -> dict[str, Any]:
-    """Everything, with the instruction set of this process."""
+def product_ms() -> float:
+    """A 1024² float32 product on all threads: beside each row, since the rate drifts within a run."""
     torch.set_num_threads(_native.thread_count())
     matrix = torch.rand(1024, 1024)
-    product = median_ms(lambda: matrix @ matrix)
+    took = median_ms(lambda: matrix @ matrix)
     torch.set_num_threads(1)
+    return took
+
+
+def measure() -> dict[str, Any]:
+    """Everything, with the instruction set of this process."""
     records, pairs = work(60_000)
-    rows = []
+    rows, products = [], [product_ms()]
     for splats, channels in ((60_000, 4), (60_000, 8), (60_000, 24), (20_000, 8), (120_000, 8)):
         forward, backward = engine_times(splats, channels)
-        floor = floor_ms(splats, work(splats)[1], channels, product)
+        products.append(product_ms())
+        floor = floor_ms(splats, work(splats)[1], channels, statistics.mean(products[-2:]))
         rows.append({"splats": splats, "channels": channels, "forward_ms": forward, "backward_ms": backward})
         rows[-1] |= {"floor_ms": floor, "floors": (forward + backward) / floor}
     return {
         "simd": _native.simd_level(),
         "threads": _native.thread_count(),
-        "product_ms": product,
+        "product_ms": statistics.median(products),
         "records": records,
         "pairs": pairs,
         "engine": rows,

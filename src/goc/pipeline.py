@@ -38,7 +38,6 @@ PRESETS = {
         reconstruct=ReconstructConfig(
             iterations=30_000,
             sh_degree=3,
-            depth="expected",
             labels="learned",
             losses=LossWeights(
                 depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1, identity_every=2

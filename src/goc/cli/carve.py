@@ -46,7 +46,7 @@ class Arguments:
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new or empty."""
     preset: Literal["fast", "paper"] = "fast"
-    """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: hours."""
+    """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: half an hour."""
     iterations: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Optimisation steps; short for --reconstruct.iterations."""
     seed: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None

@@ -195,7 +195,7 @@ class ReconstructConfig:
     """Degree of view-dependent colour, 0 to 3."""
     depth: Literal["plane", "expected"] = "plane"
     """Rendered depth that the losses see. plane: where rays meet the splats' planes. expected: of the splats' centres,
-    Eq. (2) of the paper, which is biased towards the camera on slanted surfaces."""
+    Eq. (2) of the paper, which is biased towards the camera on slanted surfaces: docs/decisions/0005."""
     labels: Literal["votes", "learned"] = "votes"
     """votes: each splat takes the id whose pixels it colours most. learned: the paper's features, MLP and L_o."""
     holdout_every: int = 10
