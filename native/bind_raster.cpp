@@ -207,10 +207,7 @@ void bind_raster(nb::module_& module) {
         check(out.shape(0) == (std::size_t)self.height() && out.shape(1) == (std::size_t)self.width(),
               "out must be (height, width) of the last view");
         self.median(out.data());
-      }, "Splat at which each pixel of the last view turns half opaque; -1 where none does.")
-      .def("visible", [](const LentRaster& self, nb::ndarray<std::uint8_t, nb::ndim<1>, nb::c_contig, nb::device::cpu> out) {
-        self.visible(out.data());
-      }, "One byte a splat: 1 where it touches the view.");
+      }, "Splat at which each pixel of the last view turns half opaque; -1 where none does.");
   module.def("idle_rasters", [] {
     std::lock_guard held(shelf().lock);
     std::vector<std::size_t> bytes;

@@ -181,8 +181,4 @@ void Raster::median(std::int32_t* out) const {
   for (std::size_t i = 0; i < found.size(); ++i) out[i] = (std::int32_t)found[i];
 }
 
-void Raster::visible(std::uint8_t* out) const {
-  for (std::size_t i = 0; i < size_; ++i) out[i] = bins_.touched(i) != 0;
-}
-
 }  // namespace goc

@@ -56,8 +56,6 @@ class Raster {
                 const ChannelGradients& channels_out);
   // The splat at which each pixel (height, width) of the last forward turns half opaque; -1 where none does.
   void median(std::int32_t* out) const;
-  // Splats that touch some tile of the view.
-  void visible(std::uint8_t* out) const;
   std::size_t records() const { return bins_.records(); }
   std::size_t blocks() const { return bins_.blocks(); }  // (record, block of 4×4 pixels) pairs
   // Capacity of all buffers: once they have seen the largest view, a step adds nothing.

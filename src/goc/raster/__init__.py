@@ -2,7 +2,7 @@
 
 from goc.raster.blend import BlendedView, blend_view
 from goc.raster.engine import CPU, NATIVE, Engine, EngineName, choose_engine, cuda_flaw, working_device
-from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median, visible_splats
+from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median
 from goc.raster.render import centre_depths, median_depth, plane_channels, plane_depth, render, render_labels
 from goc.raster.surface import RenderedSurface, render_surface
 from goc.raster.views import Views, joined_views, view_channels, views_of
@@ -31,6 +31,5 @@ __all__ = [
     "render_surface",
     "view_channels",
     "views_of",
-    "visible_splats",
     "working_device",
 ]

@@ -3,7 +3,7 @@
 from typing import Any
 
 import torch
-from jaxtyping import Bool, Float, Int32
+from jaxtyping import Float, Int32
 from torch import Tensor
 
 from goc import _native
@@ -62,13 +62,6 @@ def rasterize_with_median(
         return *rasterize(gaussians, camera, channels), median_splats(gaussians, camera)
     planes, alpha, raster = _drawn(gaussians, camera, channels)
     return planes.permute(1, 2, 0), alpha, _median(raster, camera)
-
-
-def visible_splats(gaussians: Gaussians, camera: Camera) -> Bool[Tensor, "n"]:
-    """Splats that reach alpha 1/255 somewhere in the view, whatever stands before them."""
-    out = torch.zeros(len(gaussians), dtype=torch.uint8)
-    _drawn(gaussians, camera, torch.zeros(len(gaussians), 1))[2].visible(out)
-    return out.bool().to(gaussians.means.device)
 
 
 def _median(raster: _native.Raster, camera: Camera) -> Int32[Tensor, "h w"]:

@@ -1,5 +1,7 @@
 """Which object a splat belongs to: by votes (default), or learned (paper §4.3)."""
 
+from dataclasses import replace
+
 import torch
 from jaxtyping import Float, Int16
 from torch import Tensor
@@ -7,12 +9,14 @@ from torch import Tensor
 from goc.events import Listener, Progress, ignore
 from goc.raster import rasterize
 from goc.scene.camera import Camera
-from goc.scene.capture import UNLABELLED, Capture
+from goc.scene.capture import UNLABELLED, Capture, Frame
 from goc.scene.gaussians import Gaussians
 
-FEATURES = 16
-"""Width of the instance features f of Eq. (7); the paper does not state it, Gaussian Grouping (2024) has 16. gsplat
-would pad them with colour and depth to 32 channels: there they fill what colour and depth leave of 16."""
+_CHANNELS = 16
+"""What a step with features blends: colour, planes or depth, and as many features as there is room for. The paper does
+not state their number. Kernels are compiled for certain numbers of channels, and pad others (gsplat to 32)."""
+_MIN_ALPHA = 0.5
+"""A pixel that is more background than splat shows no object."""
 _HIDDEN = 64
 
 
@@ -65,9 +69,9 @@ def vote_labels(
     return _winners(total, names, total.sum(-1) > 0)
 
 
-def feature_width(fused: bool, planes: bool) -> int:
-    """Instance features that an engine blends beside colour (3) and planes (4) or depth (1)."""
-    return FEATURES if fused else FEATURES - (7 if planes else 4)
+def feature_width(planes: bool) -> int:
+    """Width of the instance features f of Eq. (7), blended beside colour (3) and planes (4) or depth (1)."""
+    return _CHANNELS - (7 if planes else 4)
 
 
 def new_classifier(classes: int, features: int, generator: torch.Generator) -> dict[str, Tensor]:
@@ -90,13 +94,25 @@ def classify(features: Float[Tensor, "p f"], classifier: dict[str, Tensor]) -> F
     return hidden @ classifier["class_weight"].T + classifier["class_bias"]
 
 
-@torch.no_grad()
-def learned_labels(
-    gaussians: Gaussians, classifier: dict[str, Tensor], names: list[int], seen: Tensor
-) -> Int16[Tensor, "n"]:
-    """Give each splat the class of its own feature; UNLABELLED where `seen` is false."""
-    assert gaussians.identity is not None
-    return _winners(classify(gaussians.identity, classifier), names, seen)
+def classified_views(
+    gaussians: Gaussians, classifier: dict[str, Tensor], names: list[int], capture: Capture
+) -> Capture:
+    """The capture with the ids that its views' blended features are classified as: what L_o has trained.
+
+    A splat's own feature says less: only blends of several were ever compared with a mask (docs/decisions/0032).
+    """
+    device = gaussians.means.device
+    ids = torch.tensor([*names], dtype=torch.int16, device=device)
+
+    @torch.no_grad()
+    def load(index: int) -> Frame:
+        frame = capture[index]
+        assert gaussians.identity is not None
+        features, alpha = rasterize(gaussians, frame.camera.to(device), gaussians.identity)
+        found = ids[classify(features.flatten(0, 1), classifier).argmax(-1)].view(alpha.shape)
+        return replace(frame, ids=torch.where(alpha >= _MIN_ALPHA, found, UNLABELLED).cpu())
+
+    return replace(capture, load=load, has_ids=True)
 
 
 def _winners(scores: Float[Tensor, "n k"], names: list[int], known: Tensor) -> Int16[Tensor, "n"]:

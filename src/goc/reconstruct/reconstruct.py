@@ -12,9 +12,9 @@ from torch import Tensor
 
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress, Warned, ignore
-from goc.raster import CPU, Engine, choose_engine, render, visible_splats
+from goc.raster import CPU, Engine, choose_engine, render
 from goc.reconstruct.config import ReconstructConfig
-from goc.reconstruct.labels import capture_ids, feature_width, learned_labels, new_classifier, vote_labels
+from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
 from goc.reconstruct.monocular import ALIGNMENT, KnownDepths, aligned_capture, start_alignment
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
@@ -172,7 +172,7 @@ def _extent(capture: Capture) -> float:
 
 def _with_features(gaussians: Gaussians, task: Task) -> State:
     generator = torch.Generator().manual_seed(task.config.seed)
-    width = feature_width(task.engine.fused, task.config.depth == "plane")
+    width = feature_width(task.config.depth == "plane")
     features = torch.randn(len(gaussians), width, generator=generator) * 0.1
     state = initial_state(gaussians, new_classifier(len(task.names), width, generator))
     state.parameters["identity"] = features.requires_grad_()
@@ -206,9 +206,5 @@ def _labels(state: State, gaussians: Gaussians, task: Task, notify: Listener) ->
         return torch.full((len(gaussians),), UNLABELLED, dtype=torch.int16)
     if not task.names:
         return vote_labels(gaussians, task.capture, task.views, notify)
-    gaussians = gaussians.to(CPU)
-    seen = torch.zeros(len(gaussians), dtype=torch.bool)
-    for view in task.views:
-        seen |= visible_splats(gaussians, task.capture.cameras[view])
-    classifier = {name: value.detach().cpu() for name, value in state.shared.items()}
-    return learned_labels(gaussians, classifier, task.names, seen)
+    shown = classified_views(gaussians, state.shared, task.names, task.capture)
+    return vote_labels(gaussians, shown, task.views, notify)
