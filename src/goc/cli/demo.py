@@ -30,7 +30,7 @@ class Arguments:
     out: Path = Path("goc-demo")
     """Folder for the capture and the results."""
     iterations: int = 1500
-    """Optimisation steps. 2,000, as `goc carve` takes, made this room no better: 26.0 dB in held-out views either way."""
+    """Optimisation steps. The 2,000 of `goc carve` make this room no better: 26.0 dB in held-out views either way."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Replace the results of an earlier demo."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
