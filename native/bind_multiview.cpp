@@ -25,6 +25,7 @@ struct View {
   WarpedView arrays() const {
     check(fits(numerator, lens) && fits(denominator, lens) && fits(alpha, lens) && fits(image, lens),
           "images must have the height and width of the lens");
+    check(lens.width > 1, "a view must be more than a pixel wide");  // a pixel is read as four bytes
     return {numerator.data(), denominator.data(), alpha.data(), image.data(), lens};
   }
 };

@@ -7,7 +7,7 @@ import torch
 
 from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import quats_towards
-from goc.raster import centre_depths, median_depth, plane_channels, plane_depth, rasterize, render, render_labels
+from goc.raster import centre_depths, plane_channels, plane_depth, rasterize, render, render_labels, render_surface
 from goc.scene import UNLABELLED, Camera, Gaussians
 
 
@@ -97,7 +97,7 @@ def test_where_little_is_rendered_there_is_no_label():
     assert (ids == UNLABELLED).all()
 
 
-def test_depth_spread_tells_mixed_pixels():
+def test_mixed_pixels_are_told():
     facing = torch.tensor([0.0, 0.0, -1.0])
     near, far = wall(facing, 1.0), wall(facing, 3.0, spacing=0.2)
     both = Gaussians(
@@ -107,12 +107,12 @@ def test_depth_spread_tells_mixed_pixels():
         },
         opacity_logits=torch.cat([torch.full((432,), -2.0), torch.full((432,), 6.0)]),
     )
-    alone, mixed = render(far, camera()), render(both, camera())
     middle = (slice(10, 26), slice(12, 36))
-    assert alone.depth_spread[middle].max() < 0.01
-    share = (3.0 - mixed.depth) / 2.0  # of the near wall
-    assert torch.allclose(mixed.depth_spread[middle], (2.0 * (share * (1 - share)).sqrt())[middle], atol=0.02)
-    assert mixed.depth_spread[middle].min() > 0.1
+    assert render_surface(far, None, camera()).mixed[middle].max() < 0.01
+    mixed, depth = render_surface(both, None, camera()).mixed, render(both, camera()).depth
+    share = (3.0 - depth) / 2.0  # of the near wall
+    assert torch.allclose((mixed * depth)[middle], (2.0 * (share * (1 - share)).sqrt())[middle], atol=0.02)
+    assert mixed[middle].min() > 0.04
 
 
 def test_median_depth_does_not_fly_between_two_surfaces():
@@ -125,7 +125,7 @@ def test_median_depth_does_not_fly_between_two_surfaces():
             for name in ("means", "quats", "log_scales", "opacity_logits", "sh")
         }
     )
-    depth = median_depth(both, camera())[10:26, 6:42]
+    depth = render_surface(both, None, camera()).median_depth[10:26, 6:42]
     on_one = ((depth - 1.0).abs() < 0.01) | ((depth - 3.0).abs() < 0.03)
     assert on_one.all()
     blended = render(both, camera()).plane_depth[10:26, 6:42]

@@ -3,7 +3,7 @@
 from goc.raster.blend import BlendedView, blend_view
 from goc.raster.engine import CPU, NATIVE, Engine, EngineName, choose_engine, cuda_flaw, working_device
 from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median
-from goc.raster.render import centre_depths, median_depth, plane_channels, plane_depth, render, render_labels
+from goc.raster.render import centre_depths, plane_channels, plane_depth, render, render_labels
 from goc.raster.surface import RenderedSurface, render_surface
 from goc.raster.views import Views, joined_views, view_channels, views_of
 
@@ -20,7 +20,6 @@ __all__ = [
     "choose_engine",
     "cuda_flaw",
     "joined_views",
-    "median_depth",
     "median_splats",
     "plane_channels",
     "plane_depth",

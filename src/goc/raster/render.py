@@ -7,7 +7,7 @@ from torch import Tensor
 from goc.geometry.harmonics import colours_towards
 from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import rotated
-from goc.raster.rasterize import median_splats, rasterize
+from goc.raster.rasterize import rasterize
 from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED
 from goc.scene.gaussians import Gaussians
@@ -46,33 +46,18 @@ def plane_depth(blended: Float[Tensor, "h w 4"], camera: Camera) -> Float[Tensor
 
 
 @torch.no_grad()
-def median_depth(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "h w"]:
-    """Z where each ray meets the plane of the splat that makes it half opaque; NaN where none does.
-
-    It lies on one surface even where a pixel shows two: blended depths fly between them.
-    """
-    splats = median_splats(gaussians, camera)
-    camera = camera.to(gaussians.means.device)
-    planes = plane_channels(gaussians, camera)[splats.clamp_min(0).long()]
-    return torch.where(splats >= 0, plane_depth(planes, camera), torch.nan)
-
-
-@torch.no_grad()
 def render(gaussians: Gaussians, camera: Camera) -> Rendering:
     """Colour, alpha, both depths and normals of one view, where the splats are."""
     camera = camera.to(gaussians.means.device)
-    z = centre_depths(gaussians, camera)
     colours = colours_towards(gaussians.sh, gaussians.means, camera.position)
-    channels = torch.cat([colours, torch.stack([z, z.square()], -1), plane_channels(gaussians, camera)], -1)
-    image, alpha = rasterize(gaussians, camera, channels)
-    depth, square = (image[..., 3:5] / alpha.clamp_min(1e-10)[..., None]).unbind(-1)
+    z, planes = centre_depths(gaussians, camera)[:, None], plane_channels(gaussians, camera)
+    image, alpha = rasterize(gaussians, camera, torch.cat([colours, z, planes], -1))
     return Rendering(
         colour=image[..., :3].clamp(0.0, 1.0),
         alpha=alpha,
-        depth=depth,
-        depth_spread=(square - depth.square()).clamp_min(0.0).sqrt(),
-        plane_depth=plane_depth(image[..., 5:], camera),
-        normals=torch.nn.functional.normalize(image[..., 5:8], dim=-1),
+        depth=image[..., 3] / alpha.clamp_min(1e-10),
+        plane_depth=plane_depth(image[..., 4:], camera),
+        normals=torch.nn.functional.normalize(image[..., 4:7], dim=-1),
     )
 
 

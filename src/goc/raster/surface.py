@@ -26,7 +26,8 @@ class RenderedSurface:
     plane_depth: Float[Tensor, "h w"]
     """z where the ray meets the blended splat plane; NaN where there is none."""
     median_depth: Float[Tensor, "h w"]
-    """z where the ray meets the plane of the splat that makes it half opaque; NaN where none does."""
+    """z where the ray meets the plane of the splat that makes it half opaque; NaN where none does. It lies on one surface
+    even where a pixel shows two: blended depths fly between them."""
     ids: Int16[Tensor, "h w"] | None
     """Id that most of each pixel's weight belongs to, as `render_labels` says."""
 
@@ -37,8 +38,6 @@ def render_surface(
 ) -> RenderedSurface:
     """Both depths of a view, how much each pixel mixes, and its ids.
 
-    The same as `render`, `median_depth` and `render_labels`, its twins in the tests.
-
     Args:
         gaussians: the splats.
         labels: of the splats; None: no ids are wanted.
@@ -47,8 +46,8 @@ def render_surface(
     """
     camera = camera.to(gaussians.means.device)
     z, planes = centre_depths(gaussians, camera), plane_channels(gaussians, camera)
-    names = None if labels is None else torch.unique(labels)
-    together = labels is not None and names is not None and len(names) <= _LABELS
+    names = torch.unique(labels) if labels is not None else planes.new_empty(0, dtype=torch.int16)
+    together = 0 < len(names) <= _LABELS
     shares = (labels[:, None] == names).float() if together else planes[:, :0]
     channels = torch.cat([torch.stack([z, z.square()], -1), planes, shares], -1)
     image, alpha, median = rasterize_with_median(gaussians, camera, channels)

@@ -15,8 +15,6 @@ class Rendering:
     alpha: Float[Tensor, "h w"]
     depth: Float[Tensor, "h w"]
     """Expected z of the splats' centres, Eq. (2), metres; 0 where alpha is 0."""
-    depth_spread: Float[Tensor, "h w"]
-    """Standard deviation of z over the splats that a pixel shows, metres: large where it mixes near and far."""
     plane_depth: Float[Tensor, "h w"]
     """z where the ray meets the blended splat plane, metres; NaN where there is none."""
     normals: Float[Tensor, "h w 3"]
