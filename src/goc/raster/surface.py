@@ -26,8 +26,8 @@ class RenderedSurface:
     plane_depth: Float[Tensor, "h w"]
     """z where the ray meets the blended splat plane; NaN where there is none."""
     median_depth: Float[Tensor, "h w"]
-    """z where the ray meets the plane of the splat that makes it half opaque; NaN where none does. It lies on one surface
-    even where a pixel shows two: blended depths fly between them."""
+    """z where the ray meets the plane of the splat that makes it half opaque; NaN where none does. It lies on one
+    surface even where a pixel shows two: blended depths fly between them."""
     ids: Int16[Tensor, "h w"] | None
     """Id that most of each pixel's weight belongs to, as `render_labels` says."""
 
