@@ -16,8 +16,8 @@ import torch
 from engine import median_ms
 from goc.cli.carve import parse
 from goc.events import Event, Progress
-from goc.export import peak_memory_mb
 from goc.pipeline import carve
+from goc.runs import peak_memory_mb
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -20,7 +20,7 @@ from pathlib import Path
 
 from boxes import BoxRoom, box_capture
 from goc import _native
-from goc.export import this_machine
+from goc.runs import this_machine
 from plot import Chart, draw
 from runs import Measured, reference_ms, run_apart
 

@@ -33,7 +33,7 @@ def object_mesh(number: int, label: str, box) -> ObjectMesh:
     return ObjectMesh(id=number, label=label, mesh=mesh, observed=seen, evidence=grid)
 
 
-def box_assets(ids=(1, 2), unit=1.0) -> SceneAssets:
+def box_assets(ids=(1, 2), units_per_metre=1.0) -> SceneAssets:
     """The room of tests/captures.py with its two boxes, numbered as asked, ten splats on each and ten on the floor."""
     boxes = list(OBJECTS.values())
     generator = torch.Generator().manual_seed(0)
@@ -58,6 +58,6 @@ def box_assets(ids=(1, 2), unit=1.0) -> SceneAssets:
         ),
         scene=inside_out(box_mesh(ROOM_BOX, (210, 205, 190))),
         objects=tuple(object_mesh(n, f"box {n}", box) for n, box in zip(ids, boxes, strict=True)),
-        unit=unit,
+        units_per_metre=units_per_metre,
         metric=True,
     )

@@ -107,5 +107,5 @@ def box_room(
         load=frames.__getitem__,
         has_depth=True,
         has_ids=True,
-        unit=moved.scale,
+        units_per_metre=moved.scale,
     )

@@ -6,12 +6,14 @@ from pathlib import Path
 from goc.capture import CaptureConfig, load_capture
 from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
-from goc.export import REPORT, ExportConfig, RunRecord, claim_output, export_scene, write_report
+from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
+from goc.priors.segmentation import SegmentConfig, segment
 from goc.raster import CPU, choose_engine, working_device
 from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
+from goc.report import write_report
+from goc.runs import REPORT, RunRecord, claim_output
 from goc.scene import SceneAssets
-from goc.segment import SegmentConfig, segment
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,7 +96,7 @@ def carve(
             scene=scene,
             objects=objects,
             completed=completed,
-            unit=capture.unit,
+            units_per_metre=capture.units_per_metre,
             metric=capture.metric,
         )
         with run.stage("export"):

@@ -10,8 +10,8 @@ from goc.bench.result import Result
 from goc.bench.run import RESULT, kept_result, source_commit
 from goc.errors import BenchError, CaptureError, ConfigError, FileError
 from goc.events import Warned
-from goc.export.machine import this_machine
 from goc.files import write_json
+from goc.runs.machine import this_machine
 
 VALUES = {"accuracy": 0.005, "completion": 0.02, "chamfer": 0.0125, "f_score_0.05": 0.95, "scene.f_score_0.05": 0.98}
 

@@ -48,8 +48,8 @@ def test_paths_that_are_nothing_are_refused(tmp_path):
     ("settings", "message"),
     [
         ({"max_side_px": 3}, "--capture.max-side-px is 3"),
-        ({"unit": 0.0}, "--capture.unit is 0.0"),
-        ({"unit": float("nan")}, "--capture.unit is nan"),
+        ({"units_per_metre": 0.0}, "--capture.units-per-metre is 0.0"),
+        ({"units_per_metre": float("nan")}, "--capture.units-per-metre is nan"),
         ({"cache_mb": -1}, "--capture.cache-mb is -1"),
     ],
 )
@@ -66,7 +66,7 @@ def test_a_known_unit_makes_a_capture_metric(tmp_path):
     write_nerfstudio(tmp_path, change=change)
     guessed = load_capture(tmp_path)
     assert not guessed.metric
-    assert 0.3 < guessed.unit < 3  # the room is in metres
-    known = load_capture(tmp_path, CaptureConfig(unit=1.0))
+    assert 0.3 < guessed.units_per_metre < 3  # the room is in metres
+    known = load_capture(tmp_path, CaptureConfig(units_per_metre=1.0))
     assert known.metric
-    assert known.unit == 1.0
+    assert known.units_per_metre == 1.0

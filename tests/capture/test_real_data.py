@@ -45,7 +45,7 @@ def disagreement(a: Frame, b: Frame):
 def test_bench_rooms(data_root, room, file, count):
     capture = load_capture(data_root / "bench" / room / file)
     assert len(capture) == count
-    assert (capture.has_depth, capture.has_ids, capture.metric, capture.unit) == (True, True, True, 1.0)
+    assert (capture.has_depth, capture.has_ids, capture.metric, capture.units_per_metre) == (True, True, True, 1.0)
     assert sorted(capture.labels) == list(range(11))
     median, share, ids = disagreement(capture[0], capture[1])
     assert median < 0.004  # half a pixel on slanted surfaces, and millimetres of storage
@@ -91,7 +91,7 @@ def test_fox(data_root):
     capture = load_capture(data_root / "real/fox", CaptureConfig(max_side_px=1600))
     assert len(capture) == 50
     assert (capture.has_depth, capture.has_ids, capture.metric) == (False, False, False)
-    assert 1 < capture.unit < 5
+    assert 1 < capture.units_per_metre < 5
     frame = capture[0]
     camera = frame.camera
     assert frame.image.shape == (camera.height, camera.width, 3)

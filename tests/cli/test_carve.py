@@ -56,7 +56,9 @@ def test_wrong_input_is_one_line_and_leaves_nothing(capsys, tmp_path):
     assert "absent: not found" in fails(capsys, ["carve", str(tmp_path / "absent"), "--out", str(out)], 3)
     (tmp_path / "transforms.json").write_text('{"frames": 3}')
     assert "transforms.json" in fails(capsys, ["carve", str(tmp_path), "--out", str(out)], 3)
-    assert "--capture.unit is -1" in fails(capsys, ["carve", ".", "--out", str(out), "--capture.unit", "-1.0"], 2)
+    assert "--capture.units-per-metre is -1" in fails(
+        capsys, ["carve", ".", "--out", str(out), "--capture.units-per-metre", "-1.0"], 2
+    )
     assert not out.exists()
 
 

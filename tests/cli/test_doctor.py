@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from goc.cli import doctor, main
-from goc.export import this_machine
+from goc.runs import this_machine
 
 NAMES = "goc system python torch numpy scipy pillow kernels processor vectors memory disk cuda gsplat".split()
 
@@ -74,7 +74,7 @@ def test_an_installation_without_kernels_is_examined_to_the_end(monkeypatch, cap
 
 def test_small_machines_are_told_what_to_ask_for(monkeypatch, tmp_path):
     small = msgspec.structs.replace(this_machine(), memory_gb=2.0, simd="portable")
-    monkeypatch.setattr("goc.export.this_machine", lambda: small)
+    monkeypatch.setattr("goc.runs.this_machine", lambda: small)
     monkeypatch.setattr("shutil.disk_usage", lambda folder: SimpleNamespace(free=1e9))
     found = {finding.name: finding for finding in doctor.examine(tmp_path)}
     assert not any(found[name].ok for name in ("memory", "vectors", "disk"))

@@ -14,11 +14,12 @@ from goc.capture import CaptureConfig
 from goc.complete import CompleteConfig
 from goc.errors import ExportError, FileError, ReconstructError
 from goc.events import Progress, ignore
-from goc.export import ExportConfig, Report
+from goc.export import ExportConfig
 from goc.extract import ExtractConfig
 from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read_splats, write_points
 from goc.pipeline import CarveConfig, carve
 from goc.reconstruct import Mcmc, ReconstructConfig
+from goc.report import Report
 from goc.scene import PointCloud
 from oracles.watertight import signed_volume, trouble
 
@@ -135,7 +136,7 @@ def test_photographs_with_points_go_all_the_way(tmp_path):
     """Neither depth nor ids, as from structure from motion: depth is rendered, and objects are told apart in it."""
     source = write_nerfstudio(tmp_path / "photos", views=VIEWS)
     write_points(source / "points.ply", surface_points())
-    config = replace(TINY, capture=CaptureConfig(use_ids=False, use_depth=False, unit=1.0))
+    config = replace(TINY, capture=CaptureConfig(use_ids=False, use_depth=False, units_per_metre=1.0))
     heard = []
     assets = carve(source, tmp_path / "out", config, heard.append)
     stages = {event.stage for event in heard if isinstance(event, Progress)}

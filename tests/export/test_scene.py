@@ -11,8 +11,10 @@ from captures import write_nerfstudio
 from goc.capture import load_capture
 from goc.errors import FileError
 from goc.events import Progress, Warned, ignore
-from goc.export import ExportConfig, Report, RunRecord, export_scene, write_report
+from goc.export import ExportConfig, export_scene
 from goc.files import read_json, read_mesh, read_observed_mesh, read_splats
+from goc.report import Report, write_report
+from goc.runs import RunRecord
 
 
 @dataclass(frozen=True)
@@ -23,7 +25,7 @@ class Nested:
 @dataclass(frozen=True)
 class Settings:
     reconstruct: Nested = field(default_factory=Nested)
-    unit: float | None = None
+    units_per_metre: float | None = None
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def test_ids_name_the_folders_and_every_file_reads_back(written):
 
 def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
     report = read_json(written / "report.json", Report)
-    assert (report.seed, report.config) == (3, {"reconstruct": {"seed": 3}, "unit": None})
+    assert (report.seed, report.config) == (3, {"reconstruct": {"seed": 3}, "units_per_metre": None})
     assert report.metrics == {"held_out_psnr_db": 21.5, "train_psnr_db": None}
     assert [(item.id, item.label, item.vertices, item.faces, item.splats) for item in report.objects] == [
         (7, "box 7", 8, 12, 10),
@@ -79,7 +81,9 @@ def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
 
 
 def test_lengths_in_the_report_are_metres_whatever_the_unit(capture, tmp_path):
-    write_report(tmp_path / "r.json", tmp_path, capture, box_assets(unit=10.0), RunRecord(ignore), Settings())
+    write_report(
+        tmp_path / "r.json", tmp_path, capture, box_assets(units_per_metre=10.0), RunRecord(ignore), Settings()
+    )
     facts = read_json(tmp_path / "r.json", Report).objects[0]
     assert facts.size_m == pytest.approx((0.09, 0.08, 0.07), abs=1e-4)
     assert facts.area_m2 == pytest.approx(2 * (0.9 * 0.8 + 0.9 * 0.7 + 0.8 * 0.7) / 100, abs=1e-4)

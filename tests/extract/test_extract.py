@@ -10,8 +10,8 @@ from boxrooms import Pose, box_room, cube, table
 from goc.errors import ConfigError, ExtractError
 from goc.events import Progress, Warned
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
-from goc.extract.cells import count_cells, object_cells
-from goc.extract.depth import depth_views
+from goc.fusion.cells import count_cells, object_cells
+from goc.fusion.depth_views import depth_views
 from goc.scene import Evidence
 
 BOXES = {1: table(0.0, 0.7), 4: cube(0.15, 0.6, 0.72, 0.3)}

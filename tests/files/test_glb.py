@@ -36,8 +36,8 @@ def array(document, body, index):
     return flat.reshape(accessor["count"], -1)
 
 
-def written(path, mesh, up=(0.0, 0.0, 1.0), unit=1.0):
-    write_glb(path, mesh, vertex_normals(mesh), np.array(up), unit, "box")
+def written(path, mesh, up=(0.0, 0.0, 1.0), units_per_metre=1.0):
+    write_glb(path, mesh, vertex_normals(mesh), np.array(up), units_per_metre, "box")
     document, body = parsed(path)
     attributes = document["meshes"][0]["primitives"][0]["attributes"]
     return document, {name: array(document, body, index) for name, index in attributes.items()}, body
@@ -45,7 +45,7 @@ def written(path, mesh, up=(0.0, 0.0, 1.0), unit=1.0):
 
 def test_z_up_becomes_y_up_in_metres(tmp_path):
     mesh = box_mesh(BOX)
-    document, parts, body = written(tmp_path / "box.glb", mesh, unit=2.0)
+    document, parts, body = written(tmp_path / "box.glb", mesh, units_per_metre=2.0)
     x, y, z = mesh.vertices.T / 2
     np.testing.assert_allclose(parts["POSITION"], np.stack([x, z, -y], 1), atol=1e-6)
     accessor = document["accessors"][0]

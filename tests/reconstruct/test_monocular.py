@@ -33,7 +33,7 @@ def written(folder, kind: str, change=captures.keep) -> Capture:
         k, b = line(view, kind)
         stored = ((depth if kind == "affine" else 1.0 / depth) - b) / k
         write_depth(folder / f"depth/{view:04d}.png", 10.0 * stored)
-    return load_capture(folder, CaptureConfig(unit=1.0))
+    return load_capture(folder, CaptureConfig(units_per_metre=1.0))
 
 
 def line(view: int, kind: str) -> tuple[float, float]:

@@ -166,7 +166,7 @@ def test_thresholds_are_metres(capture):
         pose[:3, 3] *= 100
         return replace(camera, world_from_cam=pose)
 
-    large = replace(capture, cameras=tuple(map(scaled, capture.cameras)), unit=100.0)
+    large = replace(capture, cameras=tuple(map(scaled, capture.cameras)), units_per_metre=100.0)
     views = list(range(8))
     assert view_pairs(large, views, QUICK) == view_pairs(capture, views, QUICK)
 

@@ -9,8 +9,8 @@ import captures
 from goc.capture import load_capture
 from goc.capture.source import Lens
 from goc.events import ignore
+from goc.geometry.alignment import CELLS, spread
 from goc.geometry.rays import points_from_depth
-from goc.reconstruct.alignment import CELLS, spread
 from goc.reconstruct.monocular import GRID, ROW, aligned_frame
 from goc.reconstruct.settle import settled
 from goc.scene import Capture, Frame
@@ -74,7 +74,7 @@ def test_the_unit_of_the_scene_changes_nothing(room):
         pose[:3, 3] *= 10.0
         cameras.append(replace(camera, world_from_cam=pose))
     load = lambda view: replace(room[view], camera=cameras[view], depth=10.0 * room[view].depth)
-    large = replace(room, cameras=tuple(cameras), load=load, unit=10.0 * room.unit)
+    large = replace(room, cameras=tuple(cameras), load=load, units_per_metre=10.0 * room.units_per_metre)
     bent = rows_with(0.02)
     a, b = (settled(capture, list(range(VIEWS)), bent, ignore) for capture in (room, large))
     torch.testing.assert_close(a[:, GRID], b[:, GRID], atol=2e-4, rtol=0)

@@ -5,7 +5,7 @@ import math
 from goc.bench.paper import TABLES, Quoted
 from goc.bench.plan import Kind, Row, Table
 from goc.bench.result import Result
-from goc.export.machine import Machine
+from goc.runs.machine import Machine
 
 _COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
     "geometry": (

@@ -14,9 +14,9 @@ from goc.bench.result import Result
 from goc.capture import load_capture
 from goc.errors import BenchError
 from goc.evaluation import Evaluation, evaluate
-from goc.export import is_stopped_run
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 from goc.files import is_file, read_json, write_json, write_mesh
+from goc.runs import is_stopped_run
 
 RESULT = "result.json"
 _LOG = "carve.log"

@@ -10,8 +10,8 @@ from goc.bench.result import Result
 from goc.bench.run import kept_result, measure
 from goc.errors import BenchError
 from goc.events import Listener, Progress, Warned, ignore
-from goc.export.machine import this_machine
 from goc.files import write_bytes
+from goc.runs.machine import this_machine
 
 _STAGE = "bench"
 

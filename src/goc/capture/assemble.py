@@ -34,9 +34,9 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         cameras = tuple(decoder.camera(view) for view in views)
     except CaptureError as error:
         raise CaptureError(f"{source.path}: {error}. Check k1 to k4, p1 and p2.") from error
-    unit = config.unit
-    if unit is None:
-        unit = 1.0 if measured else guess_unit([view.world_from_cam for view in views])
+    units_per_metre = config.units_per_metre
+    if units_per_metre is None:
+        units_per_metre = 1.0 if measured else guess_unit([view.world_from_cam for view in views])
     cache = FrameCache(lambda index: decoder.frame(views[index], cameras[index]), len(views), config.cache_mb << 20)
     return Capture(
         cameras=cameras,
@@ -47,8 +47,8 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         depth_kind=kind,
         points=source.points,
         labels=source.labels if config.use_ids else {},
-        unit=unit,
-        metric=measured or config.unit is not None,
+        units_per_metre=units_per_metre,
+        metric=measured or config.units_per_metre is not None,
     )
 
 

@@ -23,7 +23,7 @@ class CaptureConfig:
     """Leave out views whose image is missing, and missing depth, ids or normals, with a warning instead of an error."""
     max_side_px: int = 640
     """Scale views down until the longer side has at most this many pixels."""
-    unit: float | None = None
+    units_per_metre: float | None = None
     """Scene units in one metre, where you know it. Default: 1 with metric depth, else guessed from the camera path."""
     cache_mb: int = 512
     """Memory for decoded views, in MiB; views beyond it are decoded again when asked for."""
@@ -31,7 +31,7 @@ class CaptureConfig:
     def __post_init__(self) -> None:
         if self.max_side_px < 16:
             raise ConfigError(f"--capture.max-side-px is {self.max_side_px}: needs at least 16.")
-        if self.unit is not None and not 0 < self.unit < float("inf"):
-            raise ConfigError(f"--capture.unit is {self.unit}: needs a positive number of scene units in one metre.")
+        if self.units_per_metre is not None and not 0 < self.units_per_metre < float("inf"):
+            raise ConfigError(f"--capture.units-per-metre is {self.units_per_metre}: needs a positive number.")
         if self.cache_mb < 0:
             raise ConfigError(f"--capture.cache-mb is {self.cache_mb}: needs 0 or more.")

@@ -4,15 +4,13 @@ from pathlib import Path
 
 from goc.capture.assemble import assemble
 from goc.capture.config import CaptureConfig
-from goc.capture.nerfstudio import read_transforms
-from goc.capture.rgbd import read_rgbd
+from goc.capture.readers import FORMATS
 from goc.errors import CaptureError
 from goc.events import Listener, ignore
 from goc.files import is_file, is_folder
 from goc.scene import Capture
 
 _SHOWN = 6
-_EXPECTED = "transforms.json (nerfstudio), or color/ and pose/ with meta.json or intrinsics.txt (RGB-D)"
 
 
 def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listener = ignore) -> Capture:
@@ -32,15 +30,10 @@ def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listen
         FileError: one file is malformed. Damaged pixels show only when that view is decoded.
     """
     config = config or CaptureConfig()
-    if is_file(path) and path.suffix == ".json":
-        source = read_transforms(path, config, notify)
-    elif is_folder(path) and is_file(path / "transforms.json"):
-        source = read_transforms(path / "transforms.json", config, notify)
-    elif is_folder(path / "color") and is_folder(path / "pose"):
-        source = read_rgbd(path, config, notify)
-    else:
+    reader = next((reader for reader in FORMATS if reader.detect(path)), None)
+    if reader is None:
         raise CaptureError(_nothing_found(path))
-    return assemble(source, config, notify)
+    return assemble(reader.read(path, config, notify), config, notify)
 
 
 def _nothing_found(path: Path) -> str:
@@ -50,7 +43,8 @@ def _nothing_found(path: Path) -> str:
         return f"{path}: not found. Give the folder of a capture."
     names = sorted(entry.name + "/" * is_folder(entry) for entry in path.iterdir())
     shown = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
-    return f"{path}: no capture here. Looked for {_EXPECTED}; found {shown or 'nothing'}.{_hint(names)}"
+    expected = ", or ".join(reader.expects for reader in FORMATS)
+    return f"{path}: no capture here. Looked for {expected}; found {shown or 'nothing'}.{_hint(names)}"
 
 
 def _hint(names: list[str]) -> str:

@@ -16,12 +16,13 @@ from goc.cli.failures import STOPPED, say
 from goc.cli.progress import duration, shown_progress
 from goc.complete import CompleteConfig
 from goc.errors import ConfigError
-from goc.export import ExportConfig, is_stopped_run
+from goc.export import ExportConfig
 from goc.extract import ExtractConfig
 from goc.pipeline import PRESETS, CarveConfig, carve
+from goc.priors.segmentation import SegmentConfig
 from goc.reconstruct import ReconstructConfig
+from goc.runs import is_stopped_run
 from goc.scene import SceneAssets
-from goc.segment import SegmentConfig
 
 _DESCRIPTION = """Turn a folder of posed photographs into a scene and separate objects.
 

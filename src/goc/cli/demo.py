@@ -11,9 +11,10 @@ import tyro
 
 from goc.cli import carve
 from goc.cli.progress import shown_progress
-from goc.export import ExportConfig, check_output
+from goc.export import ExportConfig
 from goc.files import is_file
 from goc.pipeline import PRESETS
+from goc.runs import check_output
 from goc.synth.captures import RoomConfig, make_room_capture
 
 _DESCRIPTION = """Make a furnished room, photograph it, and carve it. Needs no data and no network.

@@ -17,7 +17,7 @@ import tyro
 from goc import __version__
 
 if TYPE_CHECKING:
-    from goc.export import Machine
+    from goc.runs import Machine
 
 _MIN_MEMORY_GB, _MIN_DISK_GB = 4.0, 2.0
 
@@ -93,7 +93,7 @@ def _tried(name: str, trial: Callable[[], str], needed: bool, remedy: str) -> Fi
 
 
 def _machine() -> "Machine":
-    from goc.export import this_machine
+    from goc.runs import this_machine
 
     return this_machine()
 

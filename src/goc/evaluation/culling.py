@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32
 
-from goc.extract.depth import DepthView
-from goc.extract.volume import Lattice, Volume, blocks_near, zero_level
+from goc.fusion.depth_views import DepthView
+from goc.fusion.volume import Lattice, Volume, blocks_near, zero_level
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.voxels import cells_of, pack_cells, unpack_cells
 from goc.scene import Camera, Mesh

@@ -12,8 +12,8 @@ from PIL import Image
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.result import Evaluation
 from goc.evaluation.truth import Truth, read_truth
-from goc.export.portraits import Paint, turntable
 from goc.geometry.raycast import TriangleScene
+from goc.report.portraits import Paint, turntable
 from goc.scene import Mesh
 
 RAMP: tuple[tuple[float, tuple[int, int, int]], ...] = (

@@ -3,7 +3,10 @@
 from pathlib import Path
 
 from goc.export.config import ExportConfig
-from goc.export.output import (
+from goc.files import write_glb, write_mesh, write_png, write_splats
+from goc.geometry.surfaces import vertex_normals
+from goc.report.overview import draw_overview, up_of
+from goc.runs.output import (
     OBJECT_CLOSED,
     OBJECT_GLB,
     OBJECT_MESH,
@@ -13,10 +16,7 @@ from goc.export.output import (
     SCENE_SPLATS,
     object_folder,
 )
-from goc.export.overview import draw_overview, up_of
-from goc.export.record import RunRecord
-from goc.files import write_glb, write_mesh, write_png, write_splats
-from goc.geometry.surfaces import vertex_normals
+from goc.runs.record import RunRecord
 from goc.scene import Capture, SceneAssets
 
 
@@ -46,5 +46,7 @@ def export_scene(
     for item in assets.completed:
         own = folder / object_folder(item.id)
         write_mesh(own / OBJECT_CLOSED, item.mesh, item.observed)
-        write_glb(own / OBJECT_GLB, item.mesh, vertex_normals(item.mesh), up_of(views), assets.unit, item.label)
+        write_glb(
+            own / OBJECT_GLB, item.mesh, vertex_normals(item.mesh), up_of(views), assets.units_per_metre, item.label
+        )
     write_png(folder / OVERVIEW, draw_overview(assets, views, title, config.overview_views, run))

@@ -1,9 +1,8 @@
 """Stage 3, views → meshes: TSDF fusion, evidence, clean-up (paper's supplement, "Mesh extraction")."""
 
 from goc.extract.config import ExtractConfig
-from goc.extract.evidence import evidence_grid
 from goc.extract.fuse import fuse_scene
 from goc.extract.objects import extract_objects
-from goc.extract.views import rendered_views
+from goc.extract.rendered_views import rendered_views
 
-__all__ = ["ExtractConfig", "evidence_grid", "extract_objects", "fuse_scene", "rendered_views"]
+__all__ = ["ExtractConfig", "extract_objects", "fuse_scene", "rendered_views"]

@@ -5,7 +5,7 @@ from jaxtyping import Bool, Float32, Int32
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from goc.extract.volume import Surface
+from goc.fusion.volume import Surface
 from goc.scene import Mesh
 
 _SURE = 0.75

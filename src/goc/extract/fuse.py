@@ -8,12 +8,12 @@ from jaxtyping import Float32
 
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.cells import Cells, count_cells
 from goc.extract.clean import without_crumbs
 from goc.extract.config import ExtractConfig
-from goc.extract.depth import depth_views
-from goc.extract.device_volume import fused
-from goc.extract.volume import Lattice, Volume, blocks_near, surface
+from goc.fusion.cells import Cells, count_cells
+from goc.fusion.depth_views import depth_views
+from goc.fusion.device_volume import fused
+from goc.fusion.volume import Lattice, Volume, blocks_near, surface
 from goc.raster import CPU
 from goc.scene import Capture, Mesh
 
@@ -33,9 +33,9 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore,
     Raises:
         ExtractError: no view has depth, or no surface is left.
     """
-    size = 2.0 * config.scene_voxel * views.unit
+    size = 2.0 * config.scene_voxel * views.units_per_metre
     cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
-    lattice = _lattice(cells, views.unit, config, notify)
+    lattice = _lattice(cells, views.units_per_metre, config, notify)
     (volume,) = fused([lattice], [None], depth_views(views, "fuse scene", notify), device)
     least = min(config.least_views, math.ceil(len(views) / 10))
     distance = np.where(volume.views >= least, voted_distance(volume, config), np.float32(np.nan))
@@ -56,18 +56,18 @@ def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray,
     return voted
 
 
-def _lattice(cells: Cells, unit: float, config: ExtractConfig, notify: Listener) -> Lattice:
-    voxel, origin = config.scene_voxel * unit, np.zeros(3)
+def _lattice(cells: Cells, metre: float, config: ExtractConfig, notify: Listener) -> Lattice:
+    voxel, origin = config.scene_voxel * metre, np.zeros(3)
     while True:
         truncation = config.truncation_voxels * voxel
         blocks = blocks_near(cells.index, cells.size, origin, voxel, truncation)
         if len(blocks) <= config.memory_blocks:
             break
         voxel *= 2.0
-    if voxel > config.scene_voxel * unit:
+    if voxel > config.scene_voxel * metre:
         message = (
             f"The scene is too large for voxels of {config.scene_voxel} m in {config.memory_blocks} blocks: "
-            f"meshed with {voxel / unit:g} m. Raise --extract.memory-blocks for a finer mesh."
+            f"meshed with {voxel / metre:g} m. Raise --extract.memory-blocks for a finer mesh."
         )
         notify(Warned(stage="fuse scene", message=message))
     return Lattice(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)

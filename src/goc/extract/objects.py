@@ -8,14 +8,14 @@ from jaxtyping import Int32
 
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.cells import count_cells, object_cells
 from goc.extract.clean import without_crumbs
 from goc.extract.config import ExtractConfig
-from goc.extract.depth import DepthView, depth_views
-from goc.extract.device_volume import fused
-from goc.extract.evidence import evidence_grid, evidence_lattice
 from goc.extract.fuse import voted_distance
-from goc.extract.volume import Lattice, Surface, Volume, blocks_near, surface
+from goc.fusion.cells import count_cells, object_cells
+from goc.fusion.depth_views import DepthView, depth_views
+from goc.fusion.device_volume import fused
+from goc.fusion.evidence import evidence_grid, evidence_lattice
+from goc.fusion.volume import Lattice, Surface, Volume, blocks_near, surface
 from goc.raster import CPU
 from goc.scene import ROOM, Capture, EvidenceGrid, ObjectMesh
 
@@ -48,12 +48,12 @@ def extract_objects(
     def depths(stage: str) -> Callable[[], Iterator[DepthView]]:
         return lambda: depth_views(views, stage, notify)
 
-    cells = count_cells(depths("find objects")(), _CELL * views.unit, by_id=True)
+    cells = count_cells(depths("find objects")(), _CELL * views.units_per_metre, by_id=True)
     lattices: dict[int, Lattice] = {}
     for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.labels)):
         own = object_cells(cells, wanted) if wanted > ROOM else None
         if own is not None and len(own) > 0:
-            lattices[wanted] = _fine_lattice(own, cells.size, views.unit, config)
+            lattices[wanted] = _fine_lattice(own, cells.size, views.units_per_metre, config)
         elif own is not None:
             notify(_missing(wanted, views))
     surfaces: dict[int, Surface] = {}
@@ -63,7 +63,10 @@ def extract_objects(
             surfaces[wanted] = cleaned
         else:
             notify(_missing(wanted, views))
-    boxes = {wanted: evidence_lattice(found.mesh.vertices, views.unit, config) for wanted, found in surfaces.items()}
+    boxes = {
+        wanted: evidence_lattice(found.mesh.vertices, views.units_per_metre, config)
+        for wanted, found in surfaces.items()
+    }
     return tuple(
         _object_mesh(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
         for wanted, box in _fused(boxes, depths("gather evidence"), config, device)
@@ -80,14 +83,14 @@ def _object_mesh(wanted: int, found: Surface, evidence: EvidenceGrid, views: Cap
         id=wanted,
         label=views.labels.get(wanted, f"object {wanted}"),
         mesh=found.mesh,
-        observed=found.weight * views.unit**2 >= _CLEAR_LOOK,
+        observed=found.weight * views.units_per_metre**2 >= _CLEAR_LOOK,
         evidence=evidence,
     )
 
 
-def _fine_lattice(own: Int32[np.ndarray, "n 3"], size: float, unit: float, config: ExtractConfig) -> Lattice:
+def _fine_lattice(own: Int32[np.ndarray, "n 3"], size: float, metre: float, config: ExtractConfig) -> Lattice:
     longest = float((own.max(axis=0) + 1 - own.min(axis=0)).max()) * size
-    voxel = max(min(config.object_voxel * unit, longest / config.object_cells), config.finest_voxel * unit)
+    voxel = max(min(config.object_voxel * metre, longest / config.object_cells), config.finest_voxel * metre)
     reach = config.truncation_voxels * voxel
     blocks = blocks_near(own, size, np.zeros(3), voxel, reach)
     return Lattice(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)

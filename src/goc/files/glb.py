@@ -17,7 +17,12 @@ _VERTICES, _CORNERS = 34962, 34963
 
 
 def write_glb(
-    path: Path, mesh: Mesh, normals: Float32[np.ndarray, "v 3"], up: Float[np.ndarray, "3"], unit: float, name: str
+    path: Path,
+    mesh: Mesh,
+    normals: Float32[np.ndarray, "v 3"],
+    up: Float[np.ndarray, "3"],
+    units_per_metre: float,
+    name: str,
 ) -> None:
     """Write a mesh as GLB, atomically: metres, y up, as glTF demands; vertex colours linear, as it demands too.
 
@@ -38,7 +43,7 @@ def write_glb(
         bad = ~np.isfinite(mesh.vertices).all(1)
         raise FileError(f"{path}: {bad.sum()} of {len(bad)} vertices are not finite. Repair the data.")
     turn = _y_up(np.asarray(up, np.float64))
-    positions = (mesh.vertices.astype(np.float64) @ turn.T / unit).astype(np.float32)
+    positions = (mesh.vertices.astype(np.float64) @ turn.T / units_per_metre).astype(np.float32)
     turned = (normals.astype(np.float64) @ turn.T).astype(np.float32)
     turned[np.linalg.norm(turned, axis=1) < 0.5] = (0.0, 1.0, 0.0)  # unit vectors are demanded, surface or not
     parts: dict[str, np.ndarray] = {"POSITION": positions, "NORMAL": turned}

@@ -93,7 +93,7 @@ class DeviceSteps:
         depths = blended_depths(image[:, 3:first], alpha, views.rays)
         priors = self._priors(state, chosen, batch, depths) if weights.depth or weights.depth_normal else None
         if priors is not None:
-            depth_weight = weights.depth / task.capture.unit
+            depth_weight = weights.depth / task.capture.units_per_metre
             loss = loss + geometry(depths, priors, views.rays, depth_weight, weights.depth_normal)
         if task.pairs is not None:
             pairs = zip(chosen, batch, strict=True)
@@ -134,7 +134,7 @@ class DeviceSteps:
         if task.config.multiview.neighbour_depth == "rendered":
             inverse, stride = self._drawn_inverse(state, beside), 1
         else:
-            inverse = state.views[memory_key(other)].to(depth.alpha.device).float() / task.capture.unit
+            inverse = state.views[memory_key(other)].to(depth.alpha.device).float() / task.capture.units_per_metre
             stride = pairs.stride
         drawn = Drawn(
             views=item.views,

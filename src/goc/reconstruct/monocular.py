@@ -14,7 +14,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from goc.events import Listener, Progress, Warned
-from goc.reconstruct.alignment import CELLS, align, aligned_depth, slow_errors, spread
+from goc.geometry.alignment import CELLS, align, aligned_depth, slow_errors, spread
 from goc.reconstruct.config import Monocular
 from goc.reconstruct.losses import RenderedDepth
 from goc.scene.camera import Camera

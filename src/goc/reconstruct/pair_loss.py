@@ -50,7 +50,7 @@ def _neighbour(task: Task, pairs: Pairs, state: State, view: int) -> Neighbour:
     if task.config.multiview.neighbour_depth == "rendered":
         inverse, stride = inverse_depth(draw_depth(state.gaussians(), frame.camera, task.config.depth)), 1
     else:
-        inverse, stride = state.views[memory_key(view)].float() / task.capture.unit, pairs.stride
+        inverse, stride = state.views[memory_key(view)].float() / task.capture.units_per_metre, pairs.stride
     return Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse, stride=stride)
 
 
@@ -59,7 +59,7 @@ def _remember(task: Task, pairs: Pairs, state: State, view: int, depth: Rendered
     """Keep 1/z per metre in half precision: 0.05 % of the depth, and linear between pixels on planes."""
     kept = (slice(pairs.stride // 2, None, pairs.stride),) * 2
     few = RenderedDepth(numerator=depth.numerator[kept], denominator=depth.denominator[kept], alpha=depth.alpha[kept])
-    state.views[memory_key(view)] = (inverse_depth(few) * task.capture.unit).half()
+    state.views[memory_key(view)] = (inverse_depth(few) * task.capture.units_per_metre).half()
 
 
 def memory_key(view: int) -> str:

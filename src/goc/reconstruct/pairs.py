@@ -28,12 +28,12 @@ def view_pairs(capture: Capture, views: list[int], config: ReconstructConfig) ->
     """Neighbours of the training views among themselves; None where no weight asks for them."""
     if not (config.losses.photometric or config.losses.geometric):
         return None
-    chosen, unit = config.multiview, capture.unit
+    chosen, units_per_metre = config.multiview, capture.units_per_metre
     limits = PairLimits(
         max_angle_deg=chosen.max_angle_deg,
-        min_baseline=chosen.min_baseline * unit,
-        max_baseline=chosen.max_baseline * unit,
-        depths=tuple(depth * unit for depth in _DEPTHS_M),
+        min_baseline=chosen.min_baseline * units_per_metre,
+        max_baseline=chosen.max_baseline * units_per_metre,
+        depths=tuple(depth * units_per_metre for depth in _DEPTHS_M),
     )
     return Pairs(
         neighbours=neighbour_views(capture.cameras, views, chosen.neighbours, limits),

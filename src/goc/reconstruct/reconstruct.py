@@ -12,6 +12,7 @@ from torch import Tensor
 
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress, Warned, ignore
+from goc.priors.stereo import stereo_depths
 from goc.raster import CPU, Engine, choose_engine, render
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
@@ -22,7 +23,6 @@ from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.settle import settled
 from goc.reconstruct.state import State, initial_state
-from goc.reconstruct.stereo import stereo_depths
 from goc.reconstruct.task import Task
 from goc.scene.capture import UNLABELLED, Capture
 from goc.scene.gaussians import Gaussians
@@ -167,7 +167,7 @@ def _extent(capture: Capture) -> float:
     """Radius of the camera positions round their middle times 1.1, as 3DGS scales its steps; at least half a metre."""
     positions = torch.stack([camera.position for camera in capture.cameras])
     radius = (positions - positions.mean(0)).norm(dim=-1).max().item()
-    return max(1.1 * radius, 0.5 * capture.unit)
+    return max(1.1 * radius, 0.5 * capture.units_per_metre)
 
 
 def _with_features(gaussians: Gaussians, task: Task) -> State:
@@ -193,7 +193,7 @@ def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str
         psnrs.append(-10.0 * math.log10(error.item()))
         if frame.depth is not None and capture.has_metric_depth:
             difference = (shown.plane_depth.cpu() - frame.depth).abs()
-            depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.unit)
+            depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.units_per_metre)
         notify(Progress(stage="measure", done=done, total=len(views)))
     found = {f"{name}_psnr_db": sum(psnrs) / len(psnrs), f"{name}_views": float(len(views))}
     if depth_errors:

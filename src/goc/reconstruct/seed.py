@@ -15,8 +15,8 @@ from goc.geometry.inpaint import filled
 from goc.geometry.normals import normals_from_depth
 from goc.geometry.rays import pixel_rays, points_from_depth
 from goc.geometry.rotations import quats_towards
+from goc.priors.stereo import StereoView, stereo_depths
 from goc.reconstruct.config import ReconstructConfig
-from goc.reconstruct.stereo import StereoView, stereo_depths
 from goc.scene.capture import Capture, Frame
 from goc.scene.gaussians import Gaussians
 
@@ -224,7 +224,7 @@ def _from_box(capture: Capture, views: list[int], count: int, generator: torch.G
         frame = capture[view]
         pixels = torch.randint(0, frame.camera.width * frame.camera.height, (each,), generator=generator)
         # Uniform in inverse depth, as pixels are.
-        near, far = 0.5 * capture.unit, 8.0 * capture.unit
+        near, far = 0.5 * capture.units_per_metre, 8.0 * capture.units_per_metre
         depth = 1.0 / (1.0 / far + torch.rand(each, generator=generator) * (1.0 / near - 1.0 / far))
         directions = pixel_rays(frame.camera).reshape(-1, 3)[pixels] * depth[:, None]
         pose = frame.camera.world_from_cam

@@ -13,9 +13,9 @@ from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
 from goc.events import Listener, Progress
+from goc.geometry.alignment import CELLS, cell_means
 from goc.geometry.neighbours import PairLimits, neighbour_views
 from goc.geometry.rays import points_from_depth
-from goc.reconstruct.alignment import CELLS, cell_means
 from goc.reconstruct.monocular import GRID, SCALE, aligned_frame
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture, Frame
@@ -66,8 +66,8 @@ def settled(capture: Capture, views: list[int], rows: Float[Tensor, "n r"], noti
     seen = {view: _view(capture[view]) for view in views if torch.isfinite(rows[view, SCALE])}
     if not seen:
         return rows
-    near, far = (length * capture.unit for length in _BASELINES_M)
-    depths_m = tuple(depth * capture.unit for depth in _DEPTHS_M)
+    near, far = (length * capture.units_per_metre for length in _BASELINES_M)
+    depths_m = tuple(depth * capture.units_per_metre for depth in _DEPTHS_M)
     limits = PairLimits(max_angle_deg=_MAX_ANGLE_DEG, min_baseline=near, max_baseline=far, depths=depths_m)
     around = neighbour_views(capture.cameras, list(seen), _NEIGHBOURS, limits)
     start = rows[:, GRID].clone()

@@ -32,7 +32,9 @@ def view_loss(task: Task, state: State, view: int) -> tuple[Float[Tensor, ""], f
     if weights.depth or weights.depth_normal:
         prior = task.prior(view, state.views, depth, state.step // len(task.views))
         if prior is not None:
-            loss = loss + geometry_loss(depth, prior, camera, weights.depth / task.capture.unit, weights.depth_normal)
+            loss = loss + geometry_loss(
+                depth, prior, camera, weights.depth / task.capture.units_per_metre, weights.depth_normal
+            )
     if task.pairs is not None:
         loss = loss + pair_loss(task, task.pairs, state, view, depth)
     if shown.features is not None and frame.ids is not None and weights.identity:

@@ -5,8 +5,11 @@ from goc.scene.camera import Camera
 from goc.scene.capture import ROOM, UNLABELLED, Capture, DepthKind, Frame, PointCloud
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene.object import FlaggedMesh, SceneObject
 from goc.scene.reconstruction import Reconstruction
 from goc.scene.rendering import Rendering
+from goc.scene.scene import Scene
+from goc.scene.world import World
 
 __all__ = [
     "ROOM",
@@ -14,6 +17,7 @@ __all__ = [
     "Camera",
     "Capture",
     "DepthKind",
+    "FlaggedMesh",
     "Evidence",
     "EvidenceGrid",
     "Frame",
@@ -23,5 +27,8 @@ __all__ = [
     "PointCloud",
     "Reconstruction",
     "Rendering",
+    "Scene",
+    "SceneObject",
+    "World",
     "SceneAssets",
 ]

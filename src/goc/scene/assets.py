@@ -17,7 +17,7 @@ class SceneAssets:
     """Measured surface of each object, ascending ids."""
     completed: tuple[ObjectMesh, ...] = ()
     """Closed surface of the objects that could be completed, ascending ids; each has an open one in `objects`."""
-    unit: float
+    units_per_metre: float
     """Scene units in one metre."""
     metric: bool
     """The unit is known, not guessed."""

@@ -61,7 +61,7 @@ class Capture:
     points: PointCloud | None = None
     labels: dict[int, str] = field(default_factory=dict)
     """Names of ids where the capture gives them."""
-    unit: float = 1.0
+    units_per_metre: float = 1.0
     """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that
     thresholds stated in metres mean something."""
     metric: bool = True

@@ -11,9 +11,9 @@ from jaxtyping import Bool, Float32, Float64, Int16
 
 from goc.complete import Cube, Partial, cube_round, partial_of
 from goc.extract import ExtractConfig
-from goc.extract.depth import DepthView
-from goc.extract.evidence import evidence_grid, evidence_lattice
-from goc.extract.volume import Volume
+from goc.fusion.depth_views import DepthView
+from goc.fusion.evidence import evidence_grid, evidence_lattice
+from goc.fusion.volume import Volume
 from goc.scene import Evidence, EvidenceGrid
 from goc.synth.noise import fractal_noise
 from goc.training.placing import Placed, random_placing

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
-from goc.export.canvas import FAINT, Canvas
 from goc.files import write_png
+from goc.report.canvas import FAINT, Canvas
 from goc.scene import Mesh, ObjectMesh
 from goc.training.masking import Masked
 from goc.training.pictures import shaded

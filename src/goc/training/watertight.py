@@ -6,8 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32
 
 from goc.evaluation.metrics import SurfaceSamples, sample_surface
-from goc.extract.depth import DepthView
-from goc.extract.volume import BLOCK, Lattice, Volume
+from goc.fusion.depth_views import DepthView
+from goc.fusion.volume import BLOCK, Lattice, Volume
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.topology import is_closed, signed_volume
 from goc.scene import Mesh

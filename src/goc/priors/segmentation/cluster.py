@@ -1,0 +1,116 @@
+"""What stands in the room: connected things, told apart from the tables and shelves that carry them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Int64
+
+from goc.geometry.voxels import connected_parts, neighbour_pairs
+from goc.priors.segmentation.config import SegmentConfig
+from goc.priors.segmentation.fuse import Surface
+from goc.priors.segmentation.joints import Parts
+from goc.priors.segmentation.room import Room
+from goc.priors.segmentation.supports import BELOW, Support, find_supports, ground_cells, reach_of
+from goc.scene import ROOM, UNLABELLED
+
+CONNECTED = 1.8
+"""Voxels this many cells apart are one part: all 26 neighbours."""
+TOP_M = 0.05
+"""What rises less above a face, metres, is its rim."""
+OPEN_BELOW = 1.0
+"""A table shows less surface below its top than the top itself; a cupboard shows more."""
+TOUCHING = 2.3
+"""Parts whose voxels come this many cells near each other touch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Things:
+    """Ids of voxels, and the names of those ids whose shape tells what they are."""
+
+    ids: Int64[np.ndarray, "v"]
+    names: dict[int, str]
+
+
+def find_things(surface: Surface, room: Room, config: SegmentConfig, metre: float, rng: np.random.Generator) -> Things:
+    """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = crumbs.
+
+    Connected voxels are one thing, but for two cuts at every horizontal face that could be a support: the face itself
+    is taken out, which frees what stands on it, and the column below it is cut off, which frees what stands beside it.
+    Then what carries a face is joined to it again.
+    """
+    if room.mask.all():
+        return Things(np.zeros(len(surface), np.int64), {})
+    cells = ground_cells(surface.points, room.up, surface.voxel)
+    supports = find_supports(surface, room, cells, config, metre, rng)
+    column = _columns(surface, supports, cells, metre)
+    ids = _cut(surface, ~room.mask, supports, column)
+    a, b = neighbour_pairs(surface.keys, TOUCHING)
+    a, b = np.concatenate([a, b]), np.concatenate([b, a])
+    grounded = np.bincount(ids[a[(ids[a] >= 0) & room.mask[b]]], minlength=int(ids.max(initial=-1)) + 1) > 0
+    touching = (ids[a] >= 0) & (ids[b] >= 0) & (ids[a] != ids[b])
+    a, b = a[touching], b[touching]
+    things = Parts(surface, room, metre, supports, ids, column, cells, (a, b), grounded).joined()
+    return _order(surface, things, supports, config, metre)
+
+
+def _columns(
+    surface: Surface, supports: list[Support], cells: Int64[np.ndarray, "v 2"], metre: float
+) -> Bool[np.ndarray, "v"]:
+    """Whether each voxel lies below some support or its rim."""
+    column = np.zeros(len(surface), bool)
+    for support in supports:
+        below = support.plane.distance(surface.points) < BELOW * surface.voxel
+        column |= below & reach_of(support, surface, metre).holds(cells)
+    return column
+
+
+def _cut(
+    surface: Surface, free: Bool[np.ndarray, "v"], supports: list[Support], column: Bool[np.ndarray, "v"]
+) -> Int64[np.ndarray, "v"]:
+    """Connected parts of what is free, cut at supports and below their rims; the supports follow. -1 where not free."""
+    body = free.copy()
+    for support in supports:
+        body[support.rows] = False
+    rows = np.flatnonzero(body)
+    a, b = neighbour_pairs(surface.keys[rows], CONNECTED)
+    same = column[rows[a]] == column[rows[b]]
+    ids = np.full(len(surface), -1, np.int64)
+    ids[rows] = connected_parts(len(rows), a[same], b[same])
+    count = int(ids.max(initial=-1)) + 1
+    for number, support in enumerate(supports):
+        ids[support.rows] = count + number
+    return ids
+
+
+def _order(
+    surface: Surface,
+    things: Int64[np.ndarray, "v"],
+    supports: list[Support],
+    config: SegmentConfig,
+    metre: float,
+) -> Things:
+    """Drop crumbs, number what is left by falling size."""
+    ids = np.where(things >= 0, UNLABELLED, ROOM).astype(np.int64)
+    sizes = np.bincount(things[things >= 0]) if (things >= 0).any() else np.zeros(0, int)
+    least = max(8.0, 2.0 * (config.min_object_m * metre / surface.voxel) ** 2)
+    number, names = 0, {}
+    for thing in np.argsort(-sizes, kind="stable")[: (sizes >= least).sum()]:
+        rows = np.flatnonzero(things == thing)
+        if np.ptp(surface.points[rows], axis=0).max() < config.min_object_m * metre:
+            continue
+        number += 1
+        ids[rows] = number
+        faces = [support for support in supports if things[support.rows[0]] == thing]
+        names[number] = "table" if _is_table(faces, surface, rows, metre) else f"object {number}"
+    return Things(ids, names)
+
+
+def _is_table(faces: list[Support], surface: Surface, rows: Int64[np.ndarray, "m"], metre: float) -> bool:
+    """Whether one of a thing's faces is its top, nothing rising past it, and there is little but legs below."""
+    for face in faces:
+        height = face.plane.distance(surface.points[rows])
+        risen = (height > TOP_M * metre).mean()
+        below = (height < -TOP_M * metre).sum() / len(face.rows)
+        if risen < 0.02 and below < OPEN_BELOW:
+            return True
+    return False

@@ -1,0 +1,217 @@
+"""Which way is up, and what is the room: floor, ceiling, walls."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float, Int64
+
+from goc.geometry.planes import Plane, along, find_plane, plane_inliers, refine_plane, spread
+from goc.geometry.voxels import parts_of
+from goc.priors.segmentation.fuse import Surface
+from goc.scene import Camera
+
+LEVEL = np.cos(np.radians(12.0))
+"""Cosine between up and the normals of what counts as horizontal."""
+TILT = np.cos(np.radians(40.0))
+"""The floor's normal is looked for this close to the cameras' own up."""
+MAX_BELOW = 0.2
+"""Share of the voxels that may lie below a floor: mirrors, glass, a stair."""
+UPRIGHT = np.cos(np.radians(3.0))
+"""World z counts as up when the floor agrees with it so well."""
+MIN_SHARE = 0.02
+"""A room plane holds at least this share of all voxels."""
+CEILING_SHARE = 0.004
+"""A ceiling is above all cameras, and less is seen of it."""
+MAX_BEHIND = 0.12
+"""Voxels seen behind a wall, as a share of the wall's own: more, and it is the front of a thing."""
+
+
+@dataclass(frozen=True, eq=False)
+class Room:
+    """Up, the planes that bound the room, and the voxels they claim."""
+
+    up: Float[np.ndarray, "3"]
+    floor: Plane | None
+    ceiling: Plane | None
+    walls: tuple[Plane, ...]
+    noise: float
+    """Standard deviation of the surface about those planes, scene units; half a voxel where there is no plane."""
+    mask: Bool[np.ndarray, "v"]
+
+
+def find_room(surface: Surface, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator) -> Room:
+    """Up and the planes of the room; what they claim is the room. Without any plane, the largest structure is."""
+    positions = np.stack([camera.position.double().numpy() for camera in cameras])
+    up, level = find_up(surface, cameras, positions, rng)
+    floor = _floor(surface, up, positions) if level else None
+    ceiling = _ceiling(surface, up, positions) if level else None
+    walls = _walls(surface, up, positions, metre, rng)
+    planes = [plane for plane in (floor, ceiling, *walls) if plane is not None]
+    noises = [min(max(spread(_near(plane, surface)), 0.25 * surface.voxel), 0.03 * metre) for plane in planes]
+    mask = np.zeros(len(surface), bool)
+    for plane, noise in zip(planes, noises, strict=True):
+        mask |= claimed_by(plane, surface, noise, up, metre)
+    if not planes:
+        mask = _largest_part(surface)
+    noise = float(np.median(noises)) if noises else 0.5 * surface.voxel
+    return Room(up, floor, ceiling, walls, noise, mask)
+
+
+def _largest_part(surface: Surface) -> Bool[np.ndarray, "v"]:
+    """The largest connected structure: the room of a capture that shows no plane."""
+    parts = parts_of(surface.keys, np.ones(len(surface), bool), 1.8)
+    return parts == np.bincount(parts).argmax()
+
+
+def claimed_by(plane: Plane, surface: Surface, noise: float, up: np.ndarray, metre: float) -> Bool[np.ndarray, "v"]:
+    """Voxels on a plane, within three noises when they face its way and one otherwise, and those seen behind it."""
+    distance = plane.distance(surface.points)
+    near = max(3.0 * noise, 0.75 * surface.voxel)
+    facing = along(surface.normals, plane.normal) > 0.7
+    claimed = distance < np.where(facing, near, np.minimum(near, max(noise, 0.4 * surface.voxel)))
+    if abs(plane.normal @ up) > 0.5:
+        return claimed
+    strips = _strips(plane, surface, up, metre)
+    covered = np.unique(strips[claimed & facing & (distance > -near)])
+    return claimed & np.isin(strips, np.concatenate([covered - 1, covered, covered + 1]))
+
+
+def _strips(plane: Plane, surface: Surface, up: np.ndarray, metre: float) -> Int64[np.ndarray, "v"]:
+    """The upright strip of a wall, ten centimetres wide, before or behind which each voxel lies."""
+    return np.floor(along(surface.points, np.cross(up, plane.normal)) / (0.1 * metre)).astype(np.int64)
+
+
+def find_up(
+    surface: Surface, cameras: tuple[Camera, ...], positions: Float[np.ndarray, "n 3"], rng: np.random.Generator
+) -> tuple[Float[np.ndarray, "3"], bool]:
+    """Up, and whether a horizontal plane confirms it.
+
+    Photographers hold cameras level: their x axes span the horizontal, and their y axes point down. The largest
+    plane near that guess with the cameras above it is horizontal; world z is kept where that plane agrees with it
+    to 3°.
+    """
+    guess = camera_up(cameras)
+    tolerance = 1.5 * surface.voxel
+    left = along(surface.normals, guess) > TILT
+    total = len(surface)
+    best: Plane | None = None
+    best_count = MIN_SHARE * total
+    for _ in range(4):
+        rows = np.flatnonzero(left)
+        plane = find_plane(surface.points[rows], surface.normals[rows], tolerance, rng)
+        if plane is None:
+            break
+        inliers = plane_inliers(plane, surface.points, surface.normals, tolerance)
+        left &= ~inliers
+        if inliers.sum() > best_count and _before(plane, positions) > 0.9:
+            best, best_count = plane, inliers.sum()
+    if best is None:
+        return guess, False
+    return (np.array([0.0, 0.0, 1.0]) if best.normal[2] > UPRIGHT else best.normal), True
+
+
+def camera_up(cameras: tuple[Camera, ...]) -> Float[np.ndarray, "3"]:
+    """The direction most nearly across all cameras' x axes, on the side of their up; their mean up if that is vague."""
+    poses = np.stack([camera.world_from_cam.double().numpy() for camera in cameras])
+    mean = -poses[:, :3, 1].mean(0)
+    mean /= max(np.linalg.norm(mean), 1e-9)
+    values, axes = np.linalg.eigh(poses[:, :3, 0].T @ poses[:, :3, 0] / len(poses))
+    across = axes[:, 0] if axes[:, 0] @ mean >= 0 else -axes[:, 0]
+    clear = values[1] > 0.05 and values[0] < 0.2 * values[1]
+    return across if clear and across @ mean > 0.3 else mean
+
+
+def _before(plane: Plane, positions: Float[np.ndarray, "n 3"]) -> float:
+    """Share of the cameras that stand before a plane."""
+    return float((plane.distance(positions) > 0).mean())
+
+
+def _floor(surface: Surface, up: np.ndarray, positions: Float[np.ndarray, "n 3"]) -> Plane | None:
+    """The lowest horizontal layer that holds a fifth of the largest one's voxels, with nearly all cameras above."""
+    heights = along(surface.points, up)[along(surface.normals, up) > LEVEL]
+    if not len(heights):
+        return None
+    layer = 2.0 * surface.voxel
+    counts, edges = _layers(heights, layer)
+    enough = np.flatnonzero((counts >= 0.2 * counts.max()) & (counts >= 0.5 * MIN_SHARE * len(surface)))
+    if not len(enough):
+        return None
+    first = enough[0]
+    while first + 1 < len(counts) and counts[first + 1] > counts[first]:
+        first += 1
+    plane = Plane(up, float(edges[first] + layer))
+    plane = refine_plane(plane, surface.points, surface.normals, layer)
+    below = (plane.distance(surface.points) < -2.0 * layer).mean()
+    return plane if _before(plane, positions) > 0.9 and below < MAX_BELOW else None
+
+
+def _layers(heights: np.ndarray, layer: float) -> tuple[np.ndarray, np.ndarray]:
+    """Voxels in every window two bins wide, and the windows' lower edges."""
+    edges = np.arange(heights.min() - layer, heights.max() + 2 * layer, layer)
+    counts, edges = np.histogram(heights, edges)
+    return counts[:-1] + counts[1:], edges[:-2]
+
+
+def _ceiling(surface: Surface, up: np.ndarray, positions: np.ndarray) -> Plane | None:
+    """The highest large downward layer above the cameras."""
+    heights = along(surface.points, up)
+    level = (along(surface.normals, up) < -LEVEL) & (heights > np.percentile(along(positions, up), 90))
+    if level.sum() < CEILING_SHARE * len(surface):
+        return None
+    layer = 2.0 * surface.voxel
+    counts, edges = _layers(-heights[level], layer)
+    enough = np.flatnonzero((counts >= 0.3 * counts.max()) & (counts >= CEILING_SHARE * len(surface)))
+    if not len(enough):
+        return None
+    plane = Plane(-up, float(edges[enough[0]] + layer))
+    return refine_plane(plane, surface.points, surface.normals, layer)
+
+
+def _walls(
+    surface: Surface,
+    up: np.ndarray,
+    positions: Float[np.ndarray, "n 3"],
+    metre: float,
+    rng: np.random.Generator,
+) -> tuple[Plane, ...]:
+    """Upright planes before which all cameras stand, tall, and with hardly anything seen behind them."""
+    tolerance = 1.5 * surface.voxel
+    left = np.abs(along(surface.normals, up)) < 0.25
+    walls: list[Plane] = []
+    for _ in range(16):
+        rows = np.flatnonzero(left)
+        if len(rows) < MIN_SHARE * len(surface):
+            break
+        plane = find_plane(surface.points[rows], surface.normals[rows], tolerance, rng)
+        if plane is None:
+            break
+        inliers = plane_inliers(plane, surface.points, surface.normals, tolerance)
+        inliers[~left] = False
+        if inliers.sum() < MIN_SHARE * len(surface):
+            break
+        left &= ~inliers
+        if _is_wall(plane, surface, inliers, up, positions, metre):
+            walls.append(plane)
+    return tuple(walls)
+
+
+def _is_wall(
+    plane: Plane, surface: Surface, inliers: np.ndarray, up: np.ndarray, positions: np.ndarray, metre: float
+) -> bool:
+    """Tall, cameras before it, and little seen behind the columns it covers."""
+    heights = along(surface.points, up)
+    low, high = np.percentile(heights, [1, 99])
+    mine = np.percentile(heights[inliers], [2, 98])
+    if mine[1] - low < 0.5 * (high - low) or mine[1] - mine[0] < 0.25 * (high - low):
+        return False
+    if _before(plane, positions) < 0.9:
+        return False
+    strips = _strips(plane, surface, up, metre)
+    behind = plane.distance(surface.points) < -max(4 * surface.voxel, 0.08 * metre)
+    behind &= np.isin(strips, np.unique(strips[inliers]))
+    return bool(surface.views[behind].sum() <= MAX_BEHIND * surface.views[inliers].sum())
+
+
+def _near(plane: Plane, surface: Surface) -> np.ndarray:
+    """Distances of the voxels that make up a plane."""
+    return plane.distance(surface.points)[plane_inliers(plane, surface.points, surface.normals, 3.0 * surface.voxel)]

@@ -1,0 +1,71 @@
+"""Capture → the same capture with ids: things told apart by geometry alone."""
+
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+import torch
+from jaxtyping import Int16
+from torch import Tensor
+
+from goc.events import Listener, Warned, ignore
+from goc.priors.segmentation.cluster import Things, find_things
+from goc.priors.segmentation.config import SegmentConfig
+from goc.priors.segmentation.fuse import back_project, by_name, depth_of, fuse, thinned
+from goc.priors.segmentation.lookup import IdField
+from goc.priors.segmentation.room import find_room
+from goc.scene import ROOM, UNLABELLED, Capture, Frame
+
+REACH = (2.0, 4.0)
+"""A pixel's point may lie three noises off the surface, but at least and at most so many voxels."""
+CACHE_BYTES = 64 << 20
+"""Id images kept, all views together."""
+
+
+def segment(views: Capture, config: SegmentConfig, notify: Listener = ignore) -> Capture:
+    """Give every view ids found by geometry: room 0, objects 1… by falling size, -1 where nothing is known.
+
+    Depth of all views is fused into one surface; floor, walls and ceiling are planes of it; what stands on or before
+    them is parted into connected things, and those that stand on a table, counter or shelf from it and from each
+    other. The id of a pixel is that of its 3D point, so views agree by construction. Ids that the capture had are
+    replaced. They are computed when a view is loaded.
+
+    Args:
+        views: with depth in at least one view. Any scale (`units_per_metre`), any up direction, any order of views.
+        config: settings.
+        notify: hears of progress, and of a capture in which nothing but room is found.
+
+    Raises:
+        SegmentError: no view has depth, or no surface shows in it.
+    """
+    surface = thinned(fuse(views, config, notify))
+    rng = np.random.default_rng(config.seed)
+    cameras = tuple(views.cameras[index] for index in by_name(views))  # sums do not depend on the order of views
+    room = find_room(surface, cameras, views.units_per_metre, rng)
+    things = find_things(surface, room, config, views.units_per_metre, rng)
+    if not (things.ids > 0).any():
+        message = f"{len(views)} views show nothing but room: no object was found. Give masks to name objects yourself."
+        notify(Warned(stage="segment", message=message))
+    reach = float(np.clip(3.0 * room.noise / surface.voxel, *REACH))
+    field = IdField(surface, things.ids, reach)
+    return _labelled(views, field, things)
+
+
+def _labelled(views: Capture, field: IdField, things: Things) -> Capture:
+    """The capture with ids looked up in the field."""
+    size = max((2 * camera.width * camera.height for camera in views.cameras), default=1)
+
+    @lru_cache(maxsize=max(1, CACHE_BYTES // size))
+    def ids_of(index: int) -> Int16[Tensor, "h w"]:
+        camera = views.cameras[index]
+        ids = np.full((camera.height, camera.width), UNLABELLED, np.int16)
+        z = depth_of(views, index)
+        if z is not None:
+            seen = np.isfinite(z)
+            ids[seen] = field(back_project(z, camera)[seen])
+        return torch.from_numpy(ids)
+
+    def load(index: int) -> Frame:
+        return replace(views.load(index), ids=ids_of(index).clone())
+
+    return replace(views, load=load, has_ids=True, labels={ROOM: "room", **things.names})

@@ -1,0 +1,233 @@
+"""overview.png: one look tells whether a run worked."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, UInt8
+
+from goc.events import Progress
+from goc.raster import render
+from goc.report.canvas import ALARM, FAINT, Canvas
+from goc.report.palette import colour_of_id, colours_of_depth, colours_of_ids
+from goc.report.portraits import dollhouse, portrait
+from goc.report.report import filled_share
+from goc.runs.record import RunRecord
+from goc.scene import ROOM, UNLABELLED, Capture, ObjectMesh, SceneAssets
+
+_WIDTH, _MARGIN, _GAP = 1720, 40, 12
+_INNER = _WIDTH - 2 * _MARGIN
+_TITLE_PX, _TEXT_PX, _SMALL_PX = 34, 19, 16
+_ACROSS = 6
+"""Tiles in a row; the scene takes four of them, as a square."""
+_TILE = (_INNER - (_ACROSS - 1) * _GAP) // _ACROSS
+_CAPTION = 56
+_ID_SHARE = 0.65
+"""Of an id's colour in the ids column; the rest is the render's grey, so that shapes stay readable."""
+_CANDIDATES = 40
+"""Views looked at when those to show are chosen."""
+_EASY = 0.02
+"""Share of a picture from which on an object is easily seen."""
+_WARNINGS_SHOWN = 4
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Row:
+    """One view, four times."""
+
+    name: str
+    psnr_db: float
+    photo: UInt8[np.ndarray, "h w 3"]
+    shown: UInt8[np.ndarray, "h w 3"]
+    depth: Float64[np.ndarray, "h w"]
+    """Metres."""
+    ids: UInt8[np.ndarray, "h w 3"]
+
+
+def draw_overview(
+    assets: SceneAssets, views: Capture, title: str, count: int, run: RunRecord
+) -> UInt8[np.ndarray, "h w 3"]:
+    """Real views beside renders, depth and ids; the scene; and every object from its own best angle, with its name.
+
+    Args:
+        assets: what came out.
+        views: photographs with the splats' depth and ids (`rendered_views`).
+        title: what the capture is called.
+        count: views to show; fewer where there are fewer.
+        run: its warnings are shown; hears one Progress a picture.
+    """
+    chosen = choose_views(views, count)
+    total = len(chosen) + 1 + len(assets.objects)
+    steps = iter(range(1, total + 1))
+
+    def step() -> None:
+        run(Progress(stage="export", done=next(steps), total=total))
+
+    rows = []
+    for index in chosen:
+        rows.append(_row(assets, views, index))
+        step()
+    tiles = [dollhouse(assets.scene, up_of(views), 2 * _TILE + _GAP)]
+    step()
+    closed = {item.id: item for item in assets.completed}
+    for item in assets.objects:
+        tiles.append(portrait(closed.get(item.id, item).mesh, up_of(views), _TILE))
+        step()
+    bands = [_header(assets, views, title, run), *_view_bands(rows), _tile_band(assets, tiles)]
+    return np.concatenate(bands)
+
+
+def choose_views(views: Capture, count: int) -> list[int]:
+    """Views that together show most objects, ascending: each adds most that the others do not show, largest first."""
+    candidates = sorted({round(place) for place in np.linspace(0, len(views) - 1, min(_CANDIDATES, len(views)))})
+    areas = {index: _areas(views, index) for index in candidates}
+    best: dict[int, float] = {}
+    chosen: list[int] = []
+    for _ in range(min(count, len(candidates))):
+        left = [index for index in candidates if index not in chosen]
+        gains = [sum(max(0.0, area - best.get(i, 0.0)) for i, area in areas[index].items()) for index in left]
+        # Where nothing is gained any more, the view in the middle of the widest gap.
+        pick = left[int(np.argmax(gains))] if max(gains) > 0 else max(left, key=lambda index: _apart(index, chosen))
+        chosen.append(pick)
+        for number, area in areas[pick].items():
+            best[number] = max(best.get(number, 0.0), area)
+    return sorted(chosen)
+
+
+def _areas(views: Capture, index: int) -> dict[int, float]:
+    """How large each object is in a view: the root of its share, up to where it is easily seen."""
+    ids = views[index].ids
+    if ids is None:
+        return {}
+    names, pixels = np.unique(ids.numpy(), return_counts=True)
+    shares = zip(names.tolist(), (pixels / ids.numel()).tolist(), strict=True)
+    return {name: min(share, _EASY) ** 0.5 for name, share in shares if name not in (ROOM, UNLABELLED)}
+
+
+def _apart(index: int, chosen: Sequence[int]) -> int:
+    return min((abs(index - other) for other in chosen), default=0)
+
+
+def up_of(views: Capture) -> Float64[np.ndarray, "3"]:
+    """Where up is, from how people hold cameras: the mean of the images' up, or the axis that is nearly that."""
+    mean = -np.mean([camera.world_from_cam[:3, 1].double().numpy() for camera in views.cameras], axis=0)
+    if np.linalg.norm(mean) < 1e-3:
+        return np.array([0.0, 0.0, 1.0])
+    mean /= np.linalg.norm(mean)
+    axis = int(np.abs(mean).argmax())
+    if abs(mean[axis]) < math.cos(math.radians(25)):
+        return mean
+    return np.sign(mean[axis]) * np.eye(3)[axis]
+
+
+def _row(assets: SceneAssets, views: Capture, index: int) -> _Row:
+    frame = views[index]
+    photo = frame.image.numpy()
+    seen = render(assets.reconstruction.gaussians, frame.camera).colour.numpy()
+    grey = seen.mean(-1, keepdims=True) * 255
+    height, width = photo.shape[:2]
+    ids = np.full((height, width), UNLABELLED, np.int16) if frame.ids is None else frame.ids.numpy()
+    depth = (
+        np.full((height, width), np.nan)
+        if frame.depth is None
+        else frame.depth.double().numpy() / views.units_per_metre
+    )
+    error = np.square(seen - photo / 255.0).mean()
+    return _Row(
+        name=views.names[index],
+        psnr_db=-10 * math.log10(max(float(error), 1e-10)),
+        photo=photo,
+        shown=np.rint(seen * 255).astype(np.uint8),
+        depth=depth,
+        ids=np.rint(_ID_SHARE * colours_of_ids(ids) + (1 - _ID_SHARE) * grey).astype(np.uint8),
+    )
+
+
+def _header(assets: SceneAssets, views: Capture, title: str, run: RunRecord) -> UInt8[np.ndarray, "h w 3"]:
+    heard = [f"{warning.stage}: {warning.message}" for warning in run.warnings]
+    lines = heard[:_WARNINGS_SHOWN]
+    if len(heard) > len(lines):
+        lines.append(f"and {len(heard) - len(lines)} more warnings: see report.json")
+    canvas = Canvas(_WIDTH, 126 + 26 * len(lines))
+    canvas.text(title, _MARGIN, 30, _TITLE_PX, _INNER)
+    canvas.text(" · ".join(_facts(assets, views)), _MARGIN, 80, _TEXT_PX, _INNER, FAINT)
+    for place, line in enumerate(lines):
+        canvas.text(line, _MARGIN, 110 + 26 * place, _TEXT_PX, _INNER, ALARM)
+    return canvas.pixels()
+
+
+def _facts(assets: SceneAssets, views: Capture) -> Iterator[str]:
+    camera, metrics = views.cameras[0], assets.reconstruction.metrics
+    yield f"{len(views)} views of {camera.width} x {camera.height}"
+    yield f"{len(assets.reconstruction.gaussians):,} splats"
+    for key, words in (("held_out_psnr_db", "held-out views"), ("train_psnr_db", "training views")):
+        if key in metrics:
+            yield f"{metrics[key]:.1f} dB on {words}"
+    yield f"{len(assets.scene.faces):,} faces"
+    yield f"{len(assets.objects)} object" + "s" * (len(assets.objects) != 1)
+    if not assets.metric:
+        yield "scale guessed"
+
+
+def _view_bands(rows: Sequence[_Row]) -> Iterator[UInt8[np.ndarray, "_ _ 3"]]:
+    cell = (_INNER - 3 * _GAP) // 4
+    known = np.concatenate([row.depth[np.isfinite(row.depth)] for row in rows])
+    near, far = np.percentile(known, [1, 99]) if len(known) else (0.0, 1.0)
+    canvas = Canvas(_WIDTH, 34)
+    names = ("photograph", "splats, rendered", f"their depth, {near:.1f} to {far:.1f} m", "their objects")
+    for place, name in enumerate(names):
+        canvas.text(name, _MARGIN + place * (cell + _GAP), 4, _TEXT_PX, cell)
+    yield canvas.pixels()
+    for row in rows:
+        height = min(round(cell * row.photo.shape[0] / row.photo.shape[1]), round(1.2 * cell))
+        canvas = Canvas(_WIDTH, height + 34)
+        pictures = (row.photo, row.shown, colours_of_depth(row.depth, near, far), row.ids)
+        for place, picture in enumerate(pictures):
+            canvas.picture(picture, _MARGIN + place * (cell + _GAP), 0, cell, height)
+        canvas.text(row.name, _MARGIN, height + 4, _SMALL_PX, cell, FAINT)
+        canvas.text(f"{row.psnr_db:.1f} dB", _MARGIN + cell + _GAP, height + 4, _SMALL_PX, cell, FAINT)
+        yield canvas.pixels()
+
+
+def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]]) -> UInt8[np.ndarray, "h w 3"]:
+    """The scene, two tiles wide and high, and the objects around and below it."""
+    pitch = _TILE + _CAPTION
+    beside = [(row, column) for row in range(2) for column in range(2, _ACROSS)]
+    count = len(assets.objects)
+    below = [divmod(place, _ACROSS) for place in range(max(0, count - len(beside)))]
+    places = (beside + [(row + 2, column) for row, column in below])[:count]
+    lines = 2 + math.ceil(len(below) / _ACROSS)
+    canvas = Canvas(_WIDTH, 24 + lines * pitch + _MARGIN // 2)
+    side = 2 * _TILE + _GAP
+    canvas.picture(tiles[0], _MARGIN, 24, side, side)
+    canvas.text("the scene's mesh", _MARGIN, 24 + side + 8, _TEXT_PX, side)
+    closed = {item.id: item for item in assets.completed}
+    for item, tile, (row, column) in zip(assets.objects, tiles[1:], places, strict=True):
+        x, y = _MARGIN + column * (_TILE + _GAP), 24 + row * pitch
+        canvas.picture(tile, x, y, _TILE, _TILE)
+        canvas.chip(x, y + _TILE + 9, 16, colour_of_id(item.id))
+        canvas.text(f"{item.id} · {item.label}", x + 24, y + _TILE + 5, _TEXT_PX, _TILE - 24)
+        canvas.text(
+            _measures(closed.get(item.id, item), item.id in closed, assets.units_per_metre),
+            x + 24,
+            y + _TILE + 29,
+            _SMALL_PX,
+            _TILE - 24,
+            FAINT,
+        )
+    return canvas.pixels()
+
+
+def _measures(item: ObjectMesh, is_closed: bool, units_per_metre: float) -> str:
+    if not len(item.mesh.vertices):
+        return "no surface"
+    sides = (item.mesh.vertices.max(0) - item.mesh.vertices.min(0)) / units_per_metre
+    size = " x ".join(f"{side:.2f}" for side in sides) + " m"
+    if not is_closed:
+        return f"{size} · {_thousands(len(item.mesh.faces))} faces"
+    return f"{size} · {filled_share(item):.0%} filled"
+
+
+def _thousands(count: int) -> str:
+    return f"{count:,}" if count < 10_000 else f"{round(count / 1000):,}k"
