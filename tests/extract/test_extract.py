@@ -10,7 +10,7 @@ from boxrooms import Pose, box_room, cube, table
 from goc.errors import ConfigError, ExtractError
 from goc.events import Progress, Warned
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
-from goc.fusion.cells import count_cells, object_cells
+from goc.fusion.cell_counts import count_cells, object_cells
 from goc.fusion.depth_views import depth_views
 from goc.scene import Evidence
 

@@ -10,8 +10,8 @@ from boxrooms import box_room, cube, table
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 from goc.fusion import device_volume
 from goc.fusion.depth_views import depth_view
-from goc.fusion.device_volume import DeviceVolume, fused, on_device
-from goc.fusion.volume import Lattice
+from goc.fusion.device_volume import DeviceVolume, fuse_views, on_device
+from goc.fusion.volume import BlockGrid
 from goc.raster import CPU
 from goc.scene import Frame
 
@@ -33,7 +33,7 @@ def views():
 def lattice():
     blocks = np.stack(np.meshgrid(np.arange(-3, 4), np.arange(-1, 6), np.arange(0, 5), indexing="ij"), -1)
     blocks = np.concatenate([blocks.reshape(-1, 3), [[90, 90, 90]]])
-    return Lattice(
+    return BlockGrid(
         origin=np.array([0.013, -0.007, 0.004]), voxel=VOXEL, truncation=3 * VOXEL, blocks=blocks.astype(np.int32)
     )
 
@@ -48,7 +48,7 @@ def sums_on_device(views, wanted):
 @pytest.mark.parametrize("wanted", [2, 1, None])
 def test_sums_are_those_of_the_kernel(views, wanted, monkeypatch):
     monkeypatch.setattr(device_volume, "_BLOCKS_AT_ONCE", 100)
-    (expected,) = fused([lattice()], [wanted], views, CPU)
+    (expected,) = fuse_views([lattice()], [wanted], views, CPU)
     found = sums_on_device(views, wanted)
     assert all(plane.any() for name, plane in zip("dwvoergb", expected.sums, strict=True) if wanted or name != "o")
     # a voxel whose projection lies within rounding of a pixel's rim may be told of by the next pixel
@@ -73,10 +73,10 @@ def test_both_engines_make_the_same_meshes(views, monkeypatch):
         with monkeypatch.context() as patch:
             patch.setattr(device_volume, "on_device", lambda view, _: on_device(view, CPU))
             patch.setattr(device_volume, "DeviceVolume", lambda at, _: DeviceVolume(at, CPU))
-            return fused(lattices, wanted, views, torch.device("meta"))  # any device but the processor
+            return fuse_views(lattices, wanted, views, torch.device("meta"))  # any device but the processor
 
-    monkeypatch.setattr("goc.extract.fuse.fused", in_torch)
-    monkeypatch.setattr("goc.extract.objects.fused", in_torch)
+    monkeypatch.setattr("goc.extract.fuse.fuse_views", in_torch)
+    monkeypatch.setattr("goc.extract.objects.fuse_views", in_torch)
     device = fuse_scene(room, config), extract_objects(room, config)
     assert abs(len(native[0].vertices) - len(device[0].vertices)) <= 0.002 * len(native[0].vertices)
     for one, other in zip(native[1], device[1], strict=True):

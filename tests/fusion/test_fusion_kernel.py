@@ -11,7 +11,7 @@ import torch
 from boxrooms import box_room, cube, table
 from goc import _native
 from goc.fusion.depth_views import depth_view
-from goc.fusion.volume import Lattice, Volume
+from goc.fusion.volume import BlockGrid, Volume
 from goc.scene import Camera, Frame
 from oracles import fusion
 
@@ -29,7 +29,7 @@ def views():
 
 
 def lattice(blocks):
-    return Lattice(
+    return BlockGrid(
         origin=np.array([0.013, -0.007, 0.004]), voxel=VOXEL, truncation=3 * VOXEL, blocks=np.array(blocks, np.int32)
     )
 

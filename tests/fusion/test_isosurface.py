@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from goc import _native
-from goc.fusion.volume import Lattice, Volume, surface
+from goc.fusion.volume import BlockGrid, Volume, fused_surface
 from oracles.watertight import signed_volume, trouble
 
 
 def grid(cells):
     """Volume of cells³ blocks with its voxel positions."""
     blocks = np.array(list(np.ndindex(cells, cells, cells)), np.int32)
-    volume = Volume(Lattice(origin=np.zeros(3), voxel=1.0, truncation=3.0, blocks=blocks))
+    volume = Volume(BlockGrid(origin=np.zeros(3), voxel=1.0, truncation=3.0, blocks=blocks))
     voxels = np.stack(np.meshgrid(*(np.arange(8),) * 3, indexing="ij"), -1)
     return volume, blocks[:, None, None, None] * 8 + voxels
 
@@ -20,7 +20,7 @@ def grid(cells):
 def test_a_sphere_across_blocks_is_closed_and_round(centre):
     volume, at = grid(3)
     distance = np.linalg.norm(at - np.array(centre), axis=-1) - 8.0
-    mesh = surface(volume, distance.astype(np.float32)).mesh
+    mesh = fused_surface(volume, distance.astype(np.float32)).mesh
     assert trouble(mesh.vertices, mesh.faces) == ""
     np.testing.assert_allclose(np.linalg.norm(mesh.vertices - np.array(centre), axis=1), 8.0, atol=0.05)
     assert signed_volume(mesh.vertices, mesh.faces) == pytest.approx(4 / 3 * np.pi * 8**3, rel=0.02)
@@ -32,7 +32,7 @@ def test_every_sign_pattern_closes(seed):
     volume, at = grid(2)
     values = np.random.default_rng(seed).normal(size=at.shape[:-1])
     values[((at == 0) | (at == 15)).any(axis=-1)] = 1.0
-    mesh = surface(volume, values.astype(np.float32)).mesh
+    mesh = fused_surface(volume, values.astype(np.float32)).mesh
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]]).astype(np.int64)
     forward, backward = (np.sort(edges[:, a] * len(mesh.vertices) + edges[:, b]) for a, b in ((0, 1), (1, 0)))
     assert np.array_equal(forward, backward)
@@ -43,21 +43,21 @@ def test_every_sign_pattern_closes(seed):
 def test_unknown_voxels_and_missing_blocks_leave_the_surface_open():
     volume, at = grid(2)
     values = (at[..., 2] - 7.3).astype(np.float32)
-    whole = surface(volume, values).mesh
+    whole = fused_surface(volume, values).mesh
     assert np.ptp(whole.vertices, axis=0)[:2].tolist() == [15.0, 15.0]
     assert np.allclose(whole.vertices[:, 2], 7.3)
     cut = values.copy()
     cut[at[..., 0] > 9] = np.nan
-    assert surface(volume, cut).mesh.vertices[:, 0].max() == 9.0
+    assert fused_surface(volume, cut).mesh.vertices[:, 0].max() == 9.0
     fewer = Volume(
-        Lattice(origin=np.zeros(3), voxel=1.0, truncation=3.0, blocks=volume.lattice.blocks[:4])
+        BlockGrid(origin=np.zeros(3), voxel=1.0, truncation=3.0, blocks=volume.grid.blocks[:4])
     )  # lower half in x
-    assert surface(fewer, values[:4]).mesh.vertices[:, 0].max() == 7.0
+    assert fused_surface(fewer, values[:4]).mesh.vertices[:, 0].max() == 7.0
 
 
 def test_faces_look_towards_the_positive_side():
     volume, at = grid(1)
-    mesh = surface(volume, (at[..., 2] - 3.5).astype(np.float32)).mesh
+    mesh = fused_surface(volume, (at[..., 2] - 3.5).astype(np.float32)).mesh
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     assert (np.cross(b - a, c - a)[:, 2] > 0).all()
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32
 
 from goc.fusion.depth_views import DepthView
-from goc.fusion.volume import Lattice, Volume, blocks_near, zero_level
+from goc.fusion.volume import BlockGrid, Volume, blocks_near, zero_level
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.voxels import cells_of, pack_cells, unpack_cells
 from goc.scene import Camera, Mesh
@@ -42,13 +42,13 @@ def refuse(mesh: Mesh, cameras: tuple[Camera, ...], settings: Refusion) -> Mesh:
     size = _CELL_VOXELS * settings.voxel
     keys = [np.unique(pack_cells(cells_of(_points(view), size))) for view in views]
     seen = unpack_cells(np.unique(np.concatenate([np.zeros(0, np.int64), *keys]))).astype(np.int32)
-    lattice = Lattice(
+    grid = BlockGrid(
         origin=np.zeros(3),
         voxel=settings.voxel,
         truncation=settings.truncation,
         blocks=blocks_near(seen, size, np.zeros(3), settings.voxel, settings.truncation),
     )
-    vertices, faces = zero_level(lattice, _fused(lattice, views))
+    vertices, faces = zero_level(grid, _fused(grid, views))
     return Mesh(vertices=vertices, faces=faces)
 
 
@@ -73,17 +73,17 @@ class _Model:
         """Its eight corners."""
 
 
-def _fused(lattice: Lattice, views: list[DepthView]) -> Float32[np.ndarray, "b 8 8 8"]:
+def _fused(grid: BlockGrid, views: list[DepthView]) -> Float32[np.ndarray, "b 8 8 8"]:
     distances = [np.zeros((0, 8, 8, 8), np.float32)]
-    for start in range(0, len(lattice.blocks), _CHUNK_BLOCKS):
-        part = lattice.blocks[start : start + _CHUNK_BLOCKS]
-        volume = Volume(Lattice(origin=lattice.origin, voxel=lattice.voxel, truncation=lattice.truncation, blocks=part))
+    for start in range(0, len(grid.blocks), _CHUNK_BLOCKS):
+        part = grid.blocks[start : start + _CHUNK_BLOCKS]
+        volume = Volume(BlockGrid(origin=grid.origin, voxel=grid.voxel, truncation=grid.truncation, blocks=part))
         for view in views:
             volume.add(view, wanted=None)
         # Rays that pass in front of the band vote for the full truncation, as Open3D has it.
         seen, passed = volume.weight, volume.empty
         total = np.maximum(seen + passed, np.float32(1e-20))
-        distances.append((volume.distance() * seen + np.float32(lattice.truncation) * passed) / total)
+        distances.append((volume.distance() * seen + np.float32(grid.truncation) * passed) / total)
     return np.concatenate(distances)
 
 

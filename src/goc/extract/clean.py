@@ -1,18 +1,18 @@
-"""Floaters and crumbs."""
+"""Dropping floaters: small loose pieces of surface that few rays support."""
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from goc.fusion.volume import Surface
+from goc.fusion.volume import FusedSurface
 from goc.scene import Mesh
 
 _SURE = 0.75
-"""A crumb stays where at least this share of the rays that reached it ended on it."""
+"""A small piece stays where at least this share of the rays that reached it ended on it."""
 
 
-def without_crumbs(surface: Surface, share: float) -> Surface:
+def without_floaters(surface: FusedSurface, share: float) -> FusedSurface:
     """Drop connected pieces that are small and doubted; the largest piece always stays.
 
     A piece below `share` of the whole area goes unless rays agree on it, below a tenth of it in any case.
@@ -43,7 +43,7 @@ def face_areas(mesh: Mesh) -> Float32[np.ndarray, "t"]:
     return (np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).astype(np.float32)
 
 
-def with_faces(surface: Surface, keep: Bool[np.ndarray, "t"]) -> Surface:
+def with_faces(surface: FusedSurface, keep: Bool[np.ndarray, "t"]) -> FusedSurface:
     """Only the faces told, and the vertices they use."""
     faces = surface.mesh.faces[keep]
     used = np.zeros(len(surface.mesh.vertices), bool)
@@ -55,4 +55,4 @@ def with_faces(surface: Surface, keep: Bool[np.ndarray, "t"]) -> Surface:
         faces=number[faces].astype(np.int32),
         colours=None if colours is None else colours[used],
     )
-    return Surface(mesh=mesh, weight=surface.weight[used], agreement=surface.agreement[used])
+    return FusedSurface(mesh=mesh, weight=surface.weight[used], agreement=surface.agreement[used])

@@ -11,9 +11,9 @@ class ExtractConfig(FusionConfig):
 
     scene_voxel: float = 0.02
     """Voxel of the scene mesh, metres; doubled until the scene fits into memory_blocks."""
-    least_views: int = 3
+    min_views: int = 3
     """Views that must have measured a scene surface; a tenth of all views where that is fewer."""
-    crumb_share: float = 0.01
+    floater_share: float = 0.01
     """Pieces below this share of the area go unless nearly every ray agrees with them; below a tenth of it always."""
     memory_blocks: int = 32768
     """Blocks of 512 voxels (16 KiB) held at once; more objects than fit are done in turns."""

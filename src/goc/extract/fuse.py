@@ -8,16 +8,16 @@ from jaxtyping import Float32
 
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.clean import without_crumbs
+from goc.extract.clean import without_floaters
 from goc.extract.config import ExtractConfig
-from goc.fusion.cells import Cells, count_cells
+from goc.fusion.cell_counts import CellCounts, count_cells
 from goc.fusion.depth_views import depth_views
-from goc.fusion.device_volume import fused
-from goc.fusion.volume import Lattice, Volume, blocks_near, surface
+from goc.fusion.device_volume import fuse_views
+from goc.fusion.volume import BlockGrid, Volume, blocks_near, fused_surface
 from goc.raster import CPU
 from goc.scene import Capture, Mesh
 
-_SCENE_CRUMB = 1e-4
+_SCENE_FLOATER_SHARE = 1e-4
 """Share of the scene's area below which a loose piece is a floater: 1 dm² in a room."""
 
 
@@ -35,11 +35,11 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore,
     """
     size = 2.0 * config.scene_voxel * views.units_per_metre
     cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
-    lattice = _lattice(cells, views.units_per_metre, config, notify)
-    (volume,) = fused([lattice], [None], depth_views(views, "fuse scene", notify), device)
-    least = min(config.least_views, math.ceil(len(views) / 10))
+    grid = _block_grid(cells, views.units_per_metre, config, notify)
+    (volume,) = fuse_views([grid], [None], depth_views(views, "fuse scene", notify), device)
+    least = min(config.min_views, math.ceil(len(views) / 10))
     distance = np.where(volume.views >= least, voted_distance(volume, config), np.float32(np.nan))
-    mesh = without_crumbs(surface(volume, distance), _SCENE_CRUMB).mesh
+    mesh = without_floaters(fused_surface(volume, distance), _SCENE_FLOATER_SHARE).mesh
     if len(mesh.faces) == 0:
         raise ExtractError(f"Fusing {len(views)} views left no surface: depth disagrees everywhere. Check the poses.")
     return mesh
@@ -48,15 +48,15 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore,
 def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray, "b 8 8 8"]:
     """Signed distance with the votes counted: outside where rays passed, NaN where nothing or something else is."""
     weight, empty, other = (plane.reshape(-1) for plane in (volume.weight, volume.empty, volume.other))
-    seen = np.flatnonzero(weight > 0)  # few of a lattice's voxels: the rest of the work is theirs alone
+    seen = np.flatnonzero(weight > 0)  # few of a grid's voxels: the rest of the work is theirs alone
     seen = seen[other[seen] <= config.other_votes * weight[seen]]
     carved = empty[seen] > config.empty_votes * weight[seen]
     voted = np.full(volume.weight.shape, np.nan, np.float32)
-    voted.reshape(-1)[seen] = np.where(carved, np.float32(volume.lattice.truncation), volume.distance_at(seen))
+    voted.reshape(-1)[seen] = np.where(carved, np.float32(volume.grid.truncation), volume.distance_at(seen))
     return voted
 
 
-def _lattice(cells: Cells, metre: float, config: ExtractConfig, notify: Listener) -> Lattice:
+def _block_grid(cells: CellCounts, metre: float, config: ExtractConfig, notify: Listener) -> BlockGrid:
     voxel, origin = config.scene_voxel * metre, np.zeros(3)
     while True:
         truncation = config.truncation_voxels * voxel
@@ -70,4 +70,4 @@ def _lattice(cells: Cells, metre: float, config: ExtractConfig, notify: Listener
             f"meshed with {voxel / metre:g} m. Raise --extract.memory-blocks for a finer mesh."
         )
         notify(Warned(stage="fuse scene", message=message))
-    return Lattice(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)
+    return BlockGrid(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)

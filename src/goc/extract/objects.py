@@ -8,14 +8,14 @@ from jaxtyping import Int32
 
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.clean import without_crumbs
+from goc.extract.clean import without_floaters
 from goc.extract.config import ExtractConfig
 from goc.extract.fuse import voted_distance
-from goc.fusion.cells import count_cells, object_cells
+from goc.fusion.cell_counts import count_cells, object_cells
 from goc.fusion.depth_views import DepthView, depth_views
-from goc.fusion.device_volume import fused
-from goc.fusion.evidence import evidence_grid, evidence_lattice
-from goc.fusion.volume import Lattice, Surface, Volume, blocks_near, surface
+from goc.fusion.device_volume import fuse_views
+from goc.fusion.evidence import evidence_block_grid, evidence_grid
+from goc.fusion.volume import BlockGrid, FusedSurface, Volume, blocks_near, fused_surface
 from goc.raster import CPU
 from goc.scene import ROOM, Capture, EvidenceGrid, ObjectMesh
 
@@ -49,27 +49,27 @@ def extract_objects(
         return lambda: depth_views(views, stage, notify)
 
     cells = count_cells(depths("find objects")(), _CELL * views.units_per_metre, by_id=True)
-    lattices: dict[int, Lattice] = {}
+    grids: dict[int, BlockGrid] = {}
     for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.labels)):
         own = object_cells(cells, wanted) if wanted > ROOM else None
         if own is not None and len(own) > 0:
-            lattices[wanted] = _fine_lattice(own, cells.size, views.units_per_metre, config)
+            grids[wanted] = _object_grid(own, cells.size, views.units_per_metre, config)
         elif own is not None:
             notify(_missing(wanted, views))
-    surfaces: dict[int, Surface] = {}
-    for wanted, volume in _fused(lattices, depths("fuse objects"), config, device):
-        cleaned = without_crumbs(surface(volume, voted_distance(volume, config)), config.crumb_share)
+    surfaces: dict[int, FusedSurface] = {}
+    for wanted, volume in _fused_volumes(grids, depths("fuse objects"), config, device):
+        cleaned = without_floaters(fused_surface(volume, voted_distance(volume, config)), config.floater_share)
         if len(cleaned.mesh.faces) > 0:
             surfaces[wanted] = cleaned
         else:
             notify(_missing(wanted, views))
     boxes = {
-        wanted: evidence_lattice(found.mesh.vertices, views.units_per_metre, config)
+        wanted: evidence_block_grid(found.mesh.vertices, views.units_per_metre, config)
         for wanted, found in surfaces.items()
     }
     return tuple(
         _object_mesh(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
-        for wanted, box in _fused(boxes, depths("gather evidence"), config, device)
+        for wanted, box in _fused_volumes(boxes, depths("gather evidence"), config, device)
     )
 
 
@@ -78,7 +78,7 @@ def _missing(wanted: int, views: Capture) -> Warned:
     return Warned(stage="extract", message=f"Object {name} is measured in none of {len(views)} views: no mesh for it.")
 
 
-def _object_mesh(wanted: int, found: Surface, evidence: EvidenceGrid, views: Capture) -> ObjectMesh:
+def _object_mesh(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views: Capture) -> ObjectMesh:
     return ObjectMesh(
         id=wanted,
         label=views.labels.get(wanted, f"object {wanted}"),
@@ -88,26 +88,26 @@ def _object_mesh(wanted: int, found: Surface, evidence: EvidenceGrid, views: Cap
     )
 
 
-def _fine_lattice(own: Int32[np.ndarray, "n 3"], size: float, metre: float, config: ExtractConfig) -> Lattice:
+def _object_grid(own: Int32[np.ndarray, "n 3"], size: float, metre: float, config: ExtractConfig) -> BlockGrid:
     longest = float((own.max(axis=0) + 1 - own.min(axis=0)).max()) * size
     voxel = max(min(config.object_voxel * metre, longest / config.object_cells), config.finest_voxel * metre)
     reach = config.truncation_voxels * voxel
     blocks = blocks_near(own, size, np.zeros(3), voxel, reach)
-    return Lattice(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)
+    return BlockGrid(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)
 
 
-def _fused(
-    lattices: Mapping[int, Lattice],
+def _fused_volumes(
+    grids: Mapping[int, BlockGrid],
     depths: Callable[[], Iterator[DepthView]],
     config: ExtractConfig,
     device: torch.device,
 ) -> Iterator[tuple[int, Volume]]:
-    """Fuse all views onto each object's lattice, as many objects at a time as memory allows."""
-    waiting = list(lattices)
+    """Fuse all views onto each object's grid, as many objects at a time as memory allows."""
+    waiting = list(grids)
     while waiting:
         turn = [waiting.pop(0)]
-        used = len(lattices[turn[0]].blocks)
-        while waiting and used + len(lattices[waiting[0]].blocks) <= config.memory_blocks:
+        used = len(grids[turn[0]].blocks)
+        while waiting and used + len(grids[waiting[0]].blocks) <= config.memory_blocks:
             turn.append(waiting.pop(0))
-            used += len(lattices[turn[-1]].blocks)
-        yield from zip(turn, fused([lattices[wanted] for wanted in turn], turn, depths(), device), strict=True)
+            used += len(grids[turn[-1]].blocks)
+        yield from zip(turn, fuse_views([grids[wanted] for wanted in turn], turn, depths(), device), strict=True)

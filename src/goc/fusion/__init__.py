@@ -1,28 +1,28 @@
 """The fusion engine: depth views in; distances, votes and evidence out. Native, or PyTorch on another device."""
 
-from goc.fusion.cells import Cells, count_cells, object_cells
+from goc.fusion.cell_counts import CellCounts, count_cells, object_cells
 from goc.fusion.config import FusionConfig
 from goc.fusion.depth_views import DepthView, depth_view, depth_views
-from goc.fusion.device_volume import fused
-from goc.fusion.evidence import evidence_grid, evidence_lattice
-from goc.fusion.volume import BLOCK, Lattice, Surface, Volume, blocks_near, surface, zero_level
+from goc.fusion.device_volume import fuse_views
+from goc.fusion.evidence import evidence_block_grid, evidence_grid
+from goc.fusion.volume import BLOCK, BlockGrid, FusedSurface, Volume, blocks_near, fused_surface, zero_level
 
 __all__ = [
     "BLOCK",
-    "Cells",
+    "CellCounts",
     "DepthView",
     "FusionConfig",
-    "Lattice",
-    "Surface",
+    "BlockGrid",
+    "FusedSurface",
     "Volume",
     "blocks_near",
     "count_cells",
     "depth_view",
     "depth_views",
     "evidence_grid",
-    "evidence_lattice",
-    "fused",
+    "evidence_block_grid",
+    "fuse_views",
     "object_cells",
-    "surface",
+    "fused_surface",
     "zero_level",
 ]

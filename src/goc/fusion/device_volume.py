@@ -10,7 +10,7 @@ from torch import Tensor
 
 from goc import _native
 from goc.fusion.depth_views import DepthView
-from goc.fusion.volume import BLOCK, DISTANCE, EMPTY, OTHER, RED, VIEWS, WEIGHT, Lattice, Volume
+from goc.fusion.volume import BLOCK, DISTANCE, EMPTY, OTHER, RED, VIEWS, WEIGHT, BlockGrid, Volume
 
 _BLOCKS_AT_ONCE = 4096
 """Two million voxels, of which some 30 numbers each are in memory at once: 250 MB."""
@@ -29,20 +29,20 @@ class DeviceDepth:
     pinhole: np.ndarray
 
 
-def fused(
-    lattices: Sequence[Lattice], wanted: Sequence[int | None], views: Iterable[DepthView], device: torch.device
+def fuse_views(
+    grids: Sequence[BlockGrid], wanted: Sequence[int | None], views: Iterable[DepthView], device: torch.device
 ) -> list[Volume]:
-    """Fuse all views onto each lattice, where only pixels of the wanted id are surface (None: all).
+    """Fuse all views onto each grid, where only pixels of the wanted id are surface (None: all).
 
     On the processor in native calls, elsewhere in PyTorch; what comes out is on the processor.
     """
     if device.type == "cpu":
-        volumes = [Volume(lattice) for lattice in lattices]
+        volumes = [Volume(grid) for grid in grids]
         for view in views:
             for volume, own in zip(volumes, wanted, strict=True):
                 volume.add(view, own)
         return volumes
-    sums = [DeviceVolume(lattice, device) for lattice in lattices]
+    sums = [DeviceVolume(grid, device) for grid in grids]
     for view in views:
         uploaded = on_device(view, device)
         for volume, own in zip(sums, wanted, strict=True):
@@ -67,25 +67,25 @@ def on_device(view: DepthView, device: torch.device) -> DeviceDepth:
 class DeviceVolume:
     """As `Volume`; native/fuse.cpp is its twin in the tests."""
 
-    def __init__(self, lattice: Lattice, device: torch.device) -> None:
+    def __init__(self, grid: BlockGrid, device: torch.device) -> None:
         """Without any view yet."""
-        self._lattice = lattice
-        self._corners = torch.from_numpy(lattice.blocks.astype(np.float64) * BLOCK).to(device)
+        self._block_grid = grid
+        self._corners = torch.from_numpy(grid.blocks.astype(np.float64) * BLOCK).to(device)
         steps = torch.arange(BLOCK, device=device)
         self._offsets = torch.cartesian_prod(steps, steps, steps)
-        self._sums = torch.zeros(_native.FUSE_SUMS, len(lattice.blocks) * BLOCK**3, device=device)
+        self._sums = torch.zeros(_native.FUSE_SUMS, len(grid.blocks) * BLOCK**3, device=device)
 
     def finished(self) -> Volume:
         """The sums on the processor."""
-        volume = Volume(self._lattice)
+        volume = Volume(self._block_grid)
         volume.sums[:] = self._sums.cpu().numpy().reshape(volume.sums.shape)
         return volume
 
     def add(self, view: DeviceDepth, wanted: int | None) -> None:
         """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
         pose = view.pinhole[4:].reshape(3, 4)
-        axes = pose[:, :3] * self._lattice.voxel
-        base = pose[:, :3] @ self._lattice.origin + pose[:, 3]
+        axes = pose[:, :3] * self._block_grid.voxel
+        base = pose[:, :3] @ self._block_grid.origin + pose[:, 3]
         for first in range(0, len(self._corners), _BLOCKS_AT_ONCE):
             corners = self._corners[first : first + _BLOCKS_AT_ONCE]
             # In double: it is where the increments of a whole block start.
@@ -103,7 +103,7 @@ class DeviceVolume:
     def _seen(self, view: DeviceDepth, middles: Float[Tensor, "b 3"]) -> Tensor:
         """Whether any point of a block's ball could be in the image."""
         fx, fy, cx, cy = (float(number) for number in view.pinhole[:4])
-        radius = self._lattice.voxel * BLOCK * 0.87
+        radius = self._block_grid.voxel * BLOCK * 0.87
         x, y, z = middles.unbind(-1)
         met = z >= -radius
         sides = ((x, fx, view.width - cx), (-x, fx, cx), (y, fy, view.height - cy), (-y, fy, cy))
@@ -115,7 +115,7 @@ class DeviceVolume:
         self, view: DeviceDepth, wanted: int | None, points: Float[Tensor, "m 3"], voxels: Int64[Tensor, "m"]
     ) -> None:
         """Add what the pixel that each voxel falls into says of it."""
-        voxel, truncation = self._lattice.voxel, self._lattice.truncation
+        voxel, truncation = self._block_grid.voxel, self._block_grid.truncation
         fx, fy, cx, cy = (float(number) for number in view.pinhole[:4])
         scale = 1.0 / points[:, 2]
         u, v = fx * (points[:, 0] * scale) + cx, fy * (points[:, 1] * scale) + cy

@@ -4,14 +4,14 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, Shaped, UInt8
 
 from goc.fusion.config import FusionConfig
-from goc.fusion.volume import BLOCK, Lattice, Volume
+from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.scene import Evidence, EvidenceGrid
 
 _KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
 
-def evidence_lattice(points: Float32[np.ndarray, "v 3"], metre: float, config: FusionConfig) -> Lattice:
+def evidence_block_grid(points: Float32[np.ndarray, "v 3"], metre: float, config: FusionConfig) -> BlockGrid:
     """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
 
     Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
@@ -28,7 +28,7 @@ def evidence_lattice(points: Float32[np.ndarray, "v 3"], metre: float, config: F
     )
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
-    return Lattice(
+    return BlockGrid(
         origin=low + voxel / 2,
         voxel=voxel,
         truncation=config.truncation_voxels * voxel,
@@ -39,7 +39,7 @@ def evidence_lattice(points: Float32[np.ndarray, "v 3"], metre: float, config: F
 def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: FusionConfig) -> EvidenceGrid:
     """Read the votes of a box that every view was fused into.
 
-    Surface: rays of the object's own pixels ended within the truncation, and rays that passed do not outvote them.
+    FusedSurface: rays of the object's own pixels ended within the truncation, and rays that passed do not outvote them.
     Empty: some ray passed through, whatever id its pixel has, or most rays that ended here ended on another id.
     Unknown: everything else. Of the padding round the object's measured points, what lies behind a layer that no ray
     crossed is cut off, such as what is below the floor.
@@ -47,11 +47,11 @@ def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: Fu
     Returns:
         origin, voxel and sdf in scene units.
     """
-    lattice = volume.lattice
+    grid = volume.grid
     weight, empty, other = (plane.reshape(-1) for plane in (volume.weight, volume.empty, volume.other))
     state = (empty > 0).view(np.uint8)  # Evidence.EMPTY or UNKNOWN
-    low, high = (np.floor((end - lattice.origin) / lattice.voxel + 0.5).astype(np.int64) for end in _extent(points))
-    kept = _known_box(_dense(lattice, state), low, high, pad=int(low.min()))
+    low, high = (np.floor((end - grid.origin) / grid.voxel + 0.5).astype(np.int64) for end in _extent(points))
+    kept = _known_box(_dense(grid, state), low, high, pad=int(low.min()))
     stopped = np.flatnonzero(other > 0)
     state[stopped[other[stopped] > config.other_votes * weight[stopped]]] = Evidence.EMPTY
     surface = np.flatnonzero(weight > 0)  # few: what follows is for them alone
@@ -65,10 +65,10 @@ def evidence_grid(volume: Volume, points: Float32[np.ndarray, "v 3"], config: Fu
     distance = np.zeros(weight.shape, np.float32)
     distance[surface] = measured
     return EvidenceGrid(
-        origin=lattice.origin + lattice.voxel * np.array([side.start for side in kept]),
-        voxel=lattice.voxel,
-        state=np.ascontiguousarray(_dense(lattice, state)[kept]),
-        sdf=np.ascontiguousarray(_dense(lattice, distance)[kept]),
+        origin=grid.origin + grid.voxel * np.array([side.start for side in kept]),
+        voxel=grid.voxel,
+        state=np.ascontiguousarray(_dense(grid, state)[kept]),
+        sdf=np.ascontiguousarray(_dense(grid, distance)[kept]),
     )
 
 
@@ -94,7 +94,7 @@ def _known_box(
     return tuple(sides)
 
 
-def _dense(lattice: Lattice, field: Shaped[np.ndarray, "_"]) -> Shaped[np.ndarray, "x y z"]:
-    shape = lattice.blocks.max(axis=0) + 1
+def _dense(grid: BlockGrid, field: Shaped[np.ndarray, "_"]) -> Shaped[np.ndarray, "x y z"]:
+    shape = grid.blocks.max(axis=0) + 1
     cube = field.reshape(*shape, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)
     return cube.reshape(shape * BLOCK)

@@ -15,7 +15,7 @@ DISTANCE, WEIGHT, VIEWS, OTHER, EMPTY, RED = range(6)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lattice:
+class BlockGrid:
     """Voxel (i, j, k) is centred at origin + voxel · (i, j, k), world; block b holds voxels 8 b … 8 b + 7."""
 
     origin: Float64[np.ndarray, "3"]
@@ -25,20 +25,20 @@ class Lattice:
 
 
 class Volume:
-    """A lattice with the sums that views add to: the one thing of this stage that changes."""
+    """A grid with the sums that views add to: the one thing of this stage that changes."""
 
-    def __init__(self, lattice: Lattice) -> None:
-        self.lattice = lattice
-        shape = (_native.FUSE_SUMS, len(lattice.blocks), BLOCK, BLOCK, BLOCK)
+    def __init__(self, grid: BlockGrid) -> None:
+        self.grid = grid
+        shape = (_native.FUSE_SUMS, len(grid.blocks), BLOCK, BLOCK, BLOCK)
         self.sums: Float32[np.ndarray, "s b 8 8 8"] = np.zeros(shape, np.float32)
 
     def add(self, view: DepthView, wanted: int | None) -> None:
         """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
-        at = self.lattice
-        lattice = np.array([*at.origin, at.voxel, at.truncation], np.float64)
+        at = self.grid
+        grid = np.array([*at.origin, at.voxel, at.truncation], np.float64)
         ids = None if wanted is None else view.ids
         _native.fuse_view(
-            lattice, at.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
+            grid, at.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
         )
 
     @property
@@ -79,7 +79,7 @@ class Volume:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surface:
+class FusedSurface:
     """A mesh with what the votes say of each vertex."""
 
     mesh: Mesh
@@ -89,14 +89,14 @@ class Surface:
     """Share of rays that support the vertex among all that reached its two voxels, 0 … 1."""
 
 
-def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
-    """Mesh the zero level of `values` (positive outside, NaN = leave open), one vertex a lattice edge."""
-    edges, share, positions, faces = _crossed(volume.lattice, values)
+def fused_surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> FusedSurface:
+    """Mesh the zero level of `values` (positive outside, NaN = leave open), one vertex a grid edge."""
+    edges, share, positions, faces = _crossed(volume.grid, values)
     inner, outer = volume.colours_at(edges[:, 0]), volume.colours_at(edges[:, 1])
     colours = inner + (outer - inner) * share
     own = volume.weight.reshape(-1)[edges]
     against = volume.other.reshape(-1)[edges] + volume.empty.reshape(-1)[edges]
-    return Surface(
+    return FusedSurface(
         mesh=Mesh(
             vertices=positions,
             faces=faces,
@@ -108,32 +108,32 @@ def surface(volume: Volume, values: Float32[np.ndarray, "b 8 8 8"]) -> Surface:
 
 
 def zero_level(
-    lattice: Lattice, values: Float32[np.ndarray, "b 8 8 8"]
+    grid: BlockGrid, values: Float32[np.ndarray, "b 8 8 8"]
 ) -> tuple[Float32[np.ndarray, "v 3"], Int32[np.ndarray, "t 3"]]:
     """Vertices and faces of the zero level of `values` (positive outside, NaN = leave open), without colours."""
-    _, _, positions, faces = _crossed(lattice, values)
+    _, _, positions, faces = _crossed(grid, values)
     return positions, faces
 
 
 def _crossed(
-    lattice: Lattice, values: Float32[np.ndarray, "b 8 8 8"]
+    grid: BlockGrid, values: Float32[np.ndarray, "b 8 8 8"]
 ) -> tuple[Int64[np.ndarray, "v 2"], Float64[np.ndarray, "v 1"], Float32[np.ndarray, "v 3"], Int32[np.ndarray, "t 3"]]:
-    """Lattice edges that the zero level crosses, by their two voxels; how far along; where that is; and the faces."""
-    nudge = np.float32(1e-3 * lattice.voxel)  # a vertex on a voxel would make triangles without area
+    """BlockGrid edges that the zero level crosses, by their two voxels; how far along; where that is; and the faces."""
+    nudge = np.float32(1e-3 * grid.voxel)  # a vertex on a voxel would make triangles without area
     values = np.where(np.abs(values) < nudge, nudge, values)
-    edges, faces = _native.isosurface(lattice.blocks, values)
+    edges, faces = _native.isosurface(grid.blocks, values)
     ends = values.reshape(-1)[edges].astype(np.float64)
     share = ends[:, :1] / (ends[:, :1] - ends[:, 1:])
     block, offset = np.divmod(edges, BLOCK**3)
-    index = lattice.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
-    positions = lattice.origin + lattice.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
+    index = grid.blocks[block] * BLOCK + np.stack(np.unravel_index(offset, (BLOCK,) * 3), axis=-1)
+    positions = grid.origin + grid.voxel * (index[:, 0] + (index[:, 1] - index[:, 0]) * share)
     return edges.view(np.int64), share, positions.astype(np.float32), faces
 
 
 def blocks_near(
     cells: Int32[np.ndarray, "n 3"], size: float, origin: Float64[np.ndarray, "3"], voxel: float, reach: float
 ) -> Int32[np.ndarray, "b 3"]:
-    """Blocks of a lattice that hold any voxel within `reach` (box norm) of the given cells of edge `size`."""
+    """Blocks of a grid that hold any voxel within `reach` (box norm) of the given cells of edge `size`."""
     edge = BLOCK * voxel
     low = np.floor((cells * size - reach - origin) / edge).astype(np.int64)
     high = np.floor(((cells + 1) * size + reach - origin) / edge).astype(np.int64)

@@ -12,7 +12,7 @@ from jaxtyping import Bool, Float32, Float64, Int16
 from goc.complete import Cube, Partial, cube_round, partial_of
 from goc.extract import ExtractConfig
 from goc.fusion.depth_views import DepthView
-from goc.fusion.evidence import evidence_grid, evidence_lattice
+from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import Volume
 from goc.scene import Evidence, EvidenceGrid
 from goc.synth.noise import fractal_noise
@@ -208,7 +208,7 @@ def _evidence(views: list[View], seen: Float64[np.ndarray, "p 3"], pad: float, c
         finest_voxel=1e-6,
     )
     points = seen.astype(np.float32)
-    volume = Volume(evidence_lattice(points, 1.0, config))
+    volume = Volume(evidence_block_grid(points, 1.0, config))
     for view in views:
         volume.add(view.for_fusion(), wanted=_OBJECT)
     return evidence_grid(volume, points, config)

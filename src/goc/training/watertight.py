@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float32, Float64, Int32
 
 from goc.evaluation.metrics import SurfaceSamples, sample_surface
 from goc.fusion.depth_views import DepthView
-from goc.fusion.volume import BLOCK, Lattice, Volume
+from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.topology import is_closed, signed_volume
 from goc.scene import Mesh
@@ -100,8 +100,10 @@ def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.nd
     box = (mesh.vertices.min(0).astype(np.float64), mesh.vertices.max(0).astype(np.float64))
     blocks = -(-np.array(grid.shape) // BLOCK)
     table = np.stack(np.meshgrid(*(np.arange(n) for n in blocks), indexing="ij"), -1).reshape(-1, 3)
-    lattice = Lattice(origin=grid.origin, voxel=grid.voxel, truncation=0.5 * grid.voxel, blocks=table.astype(np.int32))
-    volume = Volume(lattice)
+    block_grid = BlockGrid(
+        origin=grid.origin, voxel=grid.voxel, truncation=0.5 * grid.voxel, blocks=table.astype(np.int32)
+    )
+    volume = Volume(block_grid)
     for viewpoint in random_viewpoints(box, nothing_round(), "round", _VIEWS, _VIEW_PX, random):
         volume.add(_depth_of(scene, viewpoint), wanted=None)
     before = (volume.weight > 0) & (volume.distance() > 0)  # in the band, on the near side

@@ -18,7 +18,7 @@ _MERGE_AT = 4_000_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Cells:
+class CellCounts:
     """Distinct (id, cell) pairs with the number of pixels that fell there."""
 
     size: float
@@ -31,7 +31,7 @@ class Cells:
     """Views with a pixel there."""
 
 
-def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> Cells:
+def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> CellCounts:
     """Count pixels and views a cell and id; without by_id every pixel counts as id 0."""
     merged = (np.zeros(0, np.uint64), np.zeros((0, 2), np.int64))
     pending = [merged]
@@ -44,7 +44,7 @@ def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> Cells:
     keys, counts = _merge(pending)
     shifts = np.array([3, 2, 1, 0], np.uint64) * np.uint64(_BITS)
     columns = (keys[:, None] >> shifts & np.uint64((1 << _BITS) - 1)).astype(np.int32) - _BIAS
-    return Cells(
+    return CellCounts(
         size=size,
         ids=columns[:, 0],
         index=np.ascontiguousarray(columns[:, 1:]),
@@ -53,8 +53,8 @@ def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> Cells:
     )
 
 
-def object_cells(cells: Cells, wanted: int, least_share: float = 0.3) -> Int32[np.ndarray, "n 3"]:
-    """Cells that belong to one object: pixels of its id are a fair share there, and the piece they form is no crumb.
+def object_cells(cells: CellCounts, wanted: int, least_share: float = 0.3) -> Int32[np.ndarray, "n 3"]:
+    """Cells that belong to one object: pixels of its id are a fair share there, and the piece they form is not small.
 
     Ids that flicker at silhouettes stain what lies behind; there the other views outvote them.
     """
@@ -77,7 +77,7 @@ def _merge(counted: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np
     return keys, np.stack(sums, axis=1).astype(np.int64)
 
 
-def _totals(cells: Cells) -> Int64[np.ndarray, "n"]:
+def _totals(cells: CellCounts) -> Int64[np.ndarray, "n"]:
     """Pixels of every id in each entry's cell."""
     x, y, z = (cells.index.astype(np.int64) + _BIAS).T
     _, inverse = np.unique((x << 2 * _BITS) | (y << _BITS) | z, return_inverse=True)
