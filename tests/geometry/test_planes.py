@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from goc.geometry.planes import Plane, along, find_plane, fit_plane, plane_inliers, refine_plane, spread
+from goc.geometry.planes import Plane, along, find_plane, fit_plane, plane_inliers, refine_plane, robust_sigma
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -82,5 +82,5 @@ def test_refinement_leaves_a_plane_without_inliers_alone():
 def test_spread_is_the_standard_deviation_and_ignores_outliers():
     values = np.random.default_rng(0).standard_normal(20_000) * 0.02
     values[:500] = 100.0
-    assert spread(values) == pytest.approx(0.02, rel=0.06)
-    assert spread(np.zeros(0)) == 0.0
+    assert robust_sigma(values) == pytest.approx(0.02, rel=0.06)
+    assert robust_sigma(np.zeros(0)) == 0.0

@@ -88,6 +88,6 @@ def find_plane(
     return None if best is None else refine_plane(best, points, normals, tolerance)
 
 
-def spread(distances: Float[np.ndarray, "p"]) -> float:
+def robust_sigma(distances: Float[np.ndarray, "p"]) -> float:
     """Robust standard deviation of residuals about zero: 1.4826 × median absolute value; 0 for none."""
     return float(1.4826 * np.median(np.abs(distances))) if len(distances) else 0.0

@@ -8,7 +8,7 @@ from boxrooms import Pose, box_room, cube, orbit, table
 from goc.errors import SegmentError
 from goc.events import Progress, Warned
 from goc.priors.segmentation import SegmentConfig, segment
-from goc.priors.segmentation.fuse import back_project
+from goc.priors.segmentation.surface_voxels import back_project
 from goc.scene import ROOM, UNLABELLED, Capture
 
 CONFIG = SegmentConfig()

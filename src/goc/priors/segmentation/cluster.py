@@ -7,10 +7,10 @@ from jaxtyping import Bool, Int64
 
 from goc.geometry.voxels import connected_parts, neighbour_pairs
 from goc.priors.segmentation.config import SegmentConfig
-from goc.priors.segmentation.fuse import Surface
-from goc.priors.segmentation.joints import Parts
-from goc.priors.segmentation.room import Room
+from goc.priors.segmentation.part_merging import PartGraph
+from goc.priors.segmentation.room_planes import RoomPlanes
 from goc.priors.segmentation.supports import BELOW, Support, find_supports, ground_cells, reach_of
+from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 from goc.scene import ROOM, UNLABELLED
 
 CONNECTED = 1.8
@@ -20,18 +20,20 @@ TOP_M = 0.05
 OPEN_BELOW = 1.0
 """A table shows less surface below its top than the top itself; a cupboard shows more."""
 TOUCHING = 2.3
-"""Parts whose voxels come this many cells near each other touch."""
+"""PartGraph whose voxels come this many cells near each other touch."""
 
 
 @dataclass(frozen=True, eq=False)
-class Things:
+class SegmentedObjects:
     """Ids of voxels, and the names of those ids whose shape tells what they are."""
 
     ids: Int64[np.ndarray, "v"]
     names: dict[int, str]
 
 
-def find_things(surface: Surface, room: Room, config: SegmentConfig, metre: float, rng: np.random.Generator) -> Things:
+def find_objects(
+    surface: SurfaceVoxels, room: RoomPlanes, config: SegmentConfig, metre: float, rng: np.random.Generator
+) -> SegmentedObjects:
     """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = crumbs.
 
     Connected voxels are one thing, but for two cuts at every horizontal face that could be a support: the face itself
@@ -39,7 +41,7 @@ def find_things(surface: Surface, room: Room, config: SegmentConfig, metre: floa
     Then what carries a face is joined to it again.
     """
     if room.mask.all():
-        return Things(np.zeros(len(surface), np.int64), {})
+        return SegmentedObjects(np.zeros(len(surface), np.int64), {})
     cells = ground_cells(surface.points, room.up, surface.voxel)
     supports = find_supports(surface, room, cells, config, metre, rng)
     column = _columns(surface, supports, cells, metre)
@@ -49,12 +51,12 @@ def find_things(surface: Surface, room: Room, config: SegmentConfig, metre: floa
     grounded = np.bincount(ids[a[(ids[a] >= 0) & room.mask[b]]], minlength=int(ids.max(initial=-1)) + 1) > 0
     touching = (ids[a] >= 0) & (ids[b] >= 0) & (ids[a] != ids[b])
     a, b = a[touching], b[touching]
-    things = Parts(surface, room, metre, supports, ids, column, cells, (a, b), grounded).joined()
+    things = PartGraph(surface, room, metre, supports, ids, column, cells, (a, b), grounded).merged()
     return _order(surface, things, supports, config, metre)
 
 
 def _columns(
-    surface: Surface, supports: list[Support], cells: Int64[np.ndarray, "v 2"], metre: float
+    surface: SurfaceVoxels, supports: list[Support], cells: Int64[np.ndarray, "v 2"], metre: float
 ) -> Bool[np.ndarray, "v"]:
     """Whether each voxel lies below some support or its rim."""
     column = np.zeros(len(surface), bool)
@@ -65,7 +67,7 @@ def _columns(
 
 
 def _cut(
-    surface: Surface, free: Bool[np.ndarray, "v"], supports: list[Support], column: Bool[np.ndarray, "v"]
+    surface: SurfaceVoxels, free: Bool[np.ndarray, "v"], supports: list[Support], column: Bool[np.ndarray, "v"]
 ) -> Int64[np.ndarray, "v"]:
     """Connected parts of what is free, cut at supports and below their rims; the supports follow. -1 where not free."""
     body = free.copy()
@@ -83,12 +85,12 @@ def _cut(
 
 
 def _order(
-    surface: Surface,
+    surface: SurfaceVoxels,
     things: Int64[np.ndarray, "v"],
     supports: list[Support],
     config: SegmentConfig,
     metre: float,
-) -> Things:
+) -> SegmentedObjects:
     """Drop crumbs, number what is left by falling size."""
     ids = np.where(things >= 0, UNLABELLED, ROOM).astype(np.int64)
     sizes = np.bincount(things[things >= 0]) if (things >= 0).any() else np.zeros(0, int)
@@ -102,10 +104,10 @@ def _order(
         ids[rows] = number
         faces = [support for support in supports if things[support.rows[0]] == thing]
         names[number] = "table" if _is_table(faces, surface, rows, metre) else f"object {number}"
-    return Things(ids, names)
+    return SegmentedObjects(ids, names)
 
 
-def _is_table(faces: list[Support], surface: Surface, rows: Int64[np.ndarray, "m"], metre: float) -> bool:
+def _is_table(faces: list[Support], surface: SurfaceVoxels, rows: Int64[np.ndarray, "m"], metre: float) -> bool:
     """Whether one of a thing's faces is its top, nothing rising past it, and there is little but legs below."""
     for face in faces:
         height = face.plane.distance(surface.points[rows])

@@ -9,11 +9,11 @@ from jaxtyping import Int16
 from torch import Tensor
 
 from goc.events import Listener, Warned, ignore
-from goc.priors.segmentation.cluster import Things, find_things
+from goc.priors.segmentation.cluster import SegmentedObjects, find_objects
 from goc.priors.segmentation.config import SegmentConfig
-from goc.priors.segmentation.fuse import back_project, by_name, depth_of, fuse, thinned
-from goc.priors.segmentation.lookup import IdField
-from goc.priors.segmentation.room import find_room
+from goc.priors.segmentation.id_field import IdField
+from goc.priors.segmentation.room_planes import find_room_planes
+from goc.priors.segmentation.surface_voxels import back_project, by_name, depth_of, fuse_depth, thinned
 from goc.scene import ROOM, UNLABELLED, Capture, Frame
 
 REACH = (2.0, 4.0)
@@ -38,11 +38,11 @@ def segment(views: Capture, config: SegmentConfig, notify: Listener = ignore) ->
     Raises:
         SegmentError: no view has depth, or no surface shows in it.
     """
-    surface = thinned(fuse(views, config, notify))
+    surface = thinned(fuse_depth(views, config, notify))
     rng = np.random.default_rng(config.seed)
     cameras = tuple(views.cameras[index] for index in by_name(views))  # sums do not depend on the order of views
-    room = find_room(surface, cameras, views.units_per_metre, rng)
-    things = find_things(surface, room, config, views.units_per_metre, rng)
+    room = find_room_planes(surface, cameras, views.units_per_metre, rng)
+    things = find_objects(surface, room, config, views.units_per_metre, rng)
     if not (things.ids > 0).any():
         message = f"{len(views)} views show nothing but room: no object was found. Give masks to name objects yourself."
         notify(Warned(stage="segment", message=message))
@@ -51,7 +51,7 @@ def segment(views: Capture, config: SegmentConfig, notify: Listener = ignore) ->
     return _labelled(views, field, things)
 
 
-def _labelled(views: Capture, field: IdField, things: Things) -> Capture:
+def _labelled(views: Capture, field: IdField, things: SegmentedObjects) -> Capture:
     """The capture with ids looked up in the field."""
     size = max((2 * camera.width * camera.height for camera in views.cameras), default=1)
 

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, binary_fill_holes
 
-from goc.geometry.planes import Plane, along, find_plane, spread
+from goc.geometry.planes import Plane, along, find_plane, robust_sigma
 from goc.geometry.voxels import parts_of
 from goc.priors.segmentation.config import SegmentConfig
-from goc.priors.segmentation.fuse import Surface
-from goc.priors.segmentation.room import LEVEL, Room
+from goc.priors.segmentation.room_planes import LEVEL, RoomPlanes
+from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 
 LOWEST_M = 0.2
 """A face lower than this above the floor carries nothing: it is a plinth, a rug, a foot."""
@@ -76,14 +76,14 @@ def footprint_of(cells: Int64[np.ndarray, "m 2"]) -> Footprint:
     return Footprint(origin, binary_fill_holes(binary_closing(mask, iterations=margin) | mask))
 
 
-def reach_of(support: Support, surface: Surface, metre: float) -> Footprint:
+def reach_of(support: Support, surface: SurfaceVoxels, metre: float) -> Footprint:
     """The footprint of a support with its rim, which may be rounded, or blurred by drift."""
     return support.footprint.grown(max(1, round(RIM_M * metre / surface.voxel)))
 
 
 def find_supports(
-    surface: Surface,
-    room: Room,
+    surface: SurfaceVoxels,
+    room: RoomPlanes,
     cells: Int64[np.ndarray, "v 2"],
     config: SegmentConfig,
     metre: float,
@@ -112,7 +112,7 @@ def find_supports(
 
 
 def _largest_face(
-    surface: Surface,
+    surface: SurfaceVoxels,
     rows: Int64[np.ndarray, "m"],
     free: Bool[np.ndarray, "v"],
     cells: Int64[np.ndarray, "v 2"],
@@ -125,7 +125,7 @@ def _largest_face(
     if plane is None or plane.normal @ up < LEVEL:
         return None
     distance = plane.distance(surface.points[rows])
-    noise = spread(distance[np.abs(distance) < max(2 * surface.voxel, FLAT_M * metre)])
+    noise = robust_sigma(distance[np.abs(distance) < max(2 * surface.voxel, FLAT_M * metre)])
     near = max(0.75 * surface.voxel, min(3.0 * noise, FLAT_M * metre))
     mine = rows[np.abs(distance) <= near]
     if not len(mine):

@@ -8,11 +8,18 @@ from boxrooms import box_room, cube, orbit
 from goc.events import ignore
 from goc.geometry.voxels import pack_cells
 from goc.priors.segmentation import SegmentConfig
-from goc.priors.segmentation.cluster import Things
-from goc.priors.segmentation.fuse import Surface, back_project, by_name, fuse, thinned, without_pinholes
-from goc.priors.segmentation.lookup import IdField
-from goc.priors.segmentation.room import camera_up, find_room
+from goc.priors.segmentation.cluster import SegmentedObjects
+from goc.priors.segmentation.id_field import IdField
+from goc.priors.segmentation.room_planes import camera_up, find_room_planes
 from goc.priors.segmentation.supports import footprint_of
+from goc.priors.segmentation.surface_voxels import (
+    SurfaceVoxels,
+    back_project,
+    by_name,
+    fuse_depth,
+    thinned,
+    without_pinholes,
+)
 
 ROOM = box_room({1: cube(0.0, 0.5, 0.0, 0.5)})
 
@@ -23,11 +30,11 @@ def flat(height: float, views: float, voxel: float = 0.1, side: int = 12) -> tup
     return points, np.tile([0.0, 0.0, 1.0], (len(grid), 1)), np.full(len(grid), views)
 
 
-def surface_of(*sheets: tuple[np.ndarray, ...], voxel: float = 0.1) -> Surface:
+def surface_of(*sheets: tuple[np.ndarray, ...], voxel: float = 0.1) -> SurfaceVoxels:
     points, normals, views = (np.concatenate(column) for column in zip(*sheets, strict=True))
     keys = pack_cells(np.floor(points / voxel).astype(np.int64))
     order = np.argsort(keys)
-    return Surface(keys[order], points[order], normals[order], views[order], voxel)
+    return SurfaceVoxels(keys[order], points[order], normals[order], views[order], voxel)
 
 
 def test_back_projection_undoes_projection():
@@ -40,7 +47,7 @@ def test_back_projection_undoes_projection():
 
 
 def test_fused_points_lie_on_the_boxes():
-    surface = fuse(ROOM, SegmentConfig(), ignore)
+    surface = fuse_depth(ROOM, SegmentConfig(), ignore)
     x, y, z = np.abs(surface.points[:, 0]), surface.points[:, 1], surface.points[:, 2]
     cube_side = np.minimum(np.abs(x - 0.25), np.minimum(np.abs(y - 0.25), np.abs(z - 0.5)))
     off = np.minimum(np.minimum(np.abs(z), np.abs(y - 2.0)), cube_side)
@@ -90,8 +97,8 @@ def test_level_cameras_tell_up():
 
 
 def test_the_room_of_boxes_is_measured():
-    surface = fuse(ROOM, SegmentConfig(), ignore)
-    room = find_room(surface, ROOM.cameras, 1.0, np.random.default_rng(0))
+    surface = fuse_depth(ROOM, SegmentConfig(), ignore)
+    room = find_room_planes(surface, ROOM.cameras, 1.0, np.random.default_rng(0))
     assert room.up.tolist() == [0.0, 0.0, 1.0]
     assert (room.floor.normal[2], room.floor.offset) == pytest.approx((1.0, 0.0), abs=1e-3)
     assert len(room.walls) == 1
@@ -103,13 +110,13 @@ def test_the_room_of_boxes_is_measured():
 
 def test_points_take_the_id_of_the_nearest_voxel_or_none():
     surface = surface_of(flat(0.05, 1.0), flat(0.35, 1.0))
-    things = Things(np.where(surface.points[:, 2] > 0.2, 4, 0), {})
+    things = SegmentedObjects(np.where(surface.points[:, 2] > 0.2, 4, 0), {})
     field = IdField(surface, things.ids, 2.0)
     asked = np.array([[0.5, 0.5, z] for z in (0.05, 0.12, 0.21, 0.33, 0.45, 0.9)] + [[1e9, 0, 0]])
     assert field(asked).tolist() == [0, 0, 4, 4, 4, -1, -1]
 
 
-def test_crumbs_leave_a_hole():
+def test_small_parts_leave_a_hole():
     surface = surface_of(flat(0.05, 1.0))
     field = IdField(surface, np.where(surface.points[:, 0] > 0.6, -1, 3), 1.0)
     assert field(np.array([[0.3, 0.5, 0.05], [1.1, 0.5, 0.05]])).tolist() == [3, -1]
@@ -125,5 +132,5 @@ def test_footprints_close_what_things_hide():
 
 def test_views_beyond_the_limit_are_spread_evenly():
     heard = []
-    fuse(box_room({}, poses=orbit(10)), SegmentConfig(max_views=4), heard.append)
+    fuse_depth(box_room({}, poses=orbit(10)), SegmentConfig(max_views=4), heard.append)
     assert [event.done for event in heard] == [1, 2, 3, 4]

@@ -8,9 +8,9 @@ from jaxtyping import Bool, Float, Int64
 from scipy.spatial import cKDTree
 
 from goc.geometry.voxels import connected_parts
-from goc.priors.segmentation.fuse import Surface
-from goc.priors.segmentation.room import Room
+from goc.priors.segmentation.room_planes import RoomPlanes
 from goc.priors.segmentation.supports import BELOW, Support, reach_of
+from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 
 ABOVE = 0.85
 """A part with this share of its voxels above a face stands on it, or rises from its rim."""
@@ -30,16 +30,16 @@ RISES_M = 0.05
 """What rises higher than this above a face, metres, and beside it is a thing of its own: a chair at a table."""
 BROAD = 0.8
 """A part touches another broadly from this many voxels on, in units of the square root of its size."""
-SPECK = 12
+SMALL_PART = 12
 """A part of fewer voxels is a speck: it belongs to what it touches."""
 
 
 @dataclass(frozen=True, eq=False)
-class Parts:
-    """Parts of what is not room, cut at faces and below their rims, and the pairs of voxels at which they touch."""
+class PartGraph:
+    """PartGraph of what is not room, cut at faces and below their rims, and the pairs of voxels at which they touch."""
 
-    surface: Surface
-    room: Room
+    surface: SurfaceVoxels
+    room: RoomPlanes
     metre: float
     supports: list[Support]
     ids: Int64[np.ndarray, "v"]
@@ -52,13 +52,13 @@ class Parts:
     grounded: Bool[np.ndarray, "q"]
     """Whether each part touches floor, wall or ceiling."""
 
-    def joined(self) -> Int64[np.ndarray, "v"]:
+    def merged(self) -> Int64[np.ndarray, "v"]:
         """Number of the thing of each voxel: legs, aprons, backs and shelves joined to their supports; -1 = none."""
         links = [(self.bodies + n, part) for n in range(len(self.supports)) for part in self._carriers_of(n)]
         links += self._across_rims({part: face - self.bodies for face, part in links})
-        links += self._strays(links)
-        small = self.sizes < SPECK
-        links = [(a, b) for a, b in links if not (small[a] or small[b])] + self._specks(small)
+        links += self._floating_parts(links)
+        small = self.sizes < SMALL_PART
+        links = [(a, b) for a, b in links if not (small[a] or small[b])] + self._small_parts(small)
         pairs = np.array(links, np.int64).reshape(-1, 2)
         things = connected_parts(len(self.sizes), pairs[:, 0], pairs[:, 1])
         return np.where(self.ids >= 0, things[self.ids], -1)
@@ -149,17 +149,17 @@ class Parts:
         links = []
         for a, b in np.unique(np.stack([self.ids[ins], self.ids[outs]], 1), axis=0).tolist():
             at = outs[(self.ids[ins] == a) & (self.ids[outs] == b)]
-            if a not in carriers or self._goes_on(b, at, self.supports[carriers[a]]):
+            if a not in carriers or self._continues(b, at, self.supports[carriers[a]]):
                 links.append((a, b))
         return links
 
-    def _goes_on(self, part: int, at: Int64[np.ndarray, "m"], support: Support) -> bool:
+    def _continues(self, part: int, at: Int64[np.ndarray, "m"], support: Support) -> bool:
         """Whether a body outside continues what carries the face: it touches broadly and stays below."""
         rows = np.flatnonzero(self.ids == part)
         rises = (support.plane.distance(self.surface.points[rows]) > RISES_M * self.metre).mean() > 1 - ABOVE
         return bool(not rises and len(np.unique(at)) >= BROAD * np.sqrt(len(rows)))
 
-    def _strays(self, links: list[tuple[int, int]]) -> list[tuple[int, int]]:
+    def _floating_parts(self, links: list[tuple[int, int]]) -> list[tuple[int, int]]:
         """Bodies that cannot stand alone, joined to what is next to them.
 
         They lie wholly below a face and touch nothing, such as the legs of a sofa, or they hang in the air over or
@@ -172,14 +172,14 @@ class Parts:
         heaps = connected_parts(len(self.sizes), a[free], b[free])
         held = np.zeros(len(self.sizes), bool)
         held[heaps[self.grounded & ~carried]] = True
-        firm = carried & (self.sizes >= SPECK) & ~seated
+        firm = carried & (self.sizes >= SMALL_PART) & ~seated
         firm[self.bodies :] = True
         held[heaps[a[~carried[a] & firm[b]]]] = True
         below = ~carried & (self._share(self.column) == 1)
         below[a] = False
         seated[self.bodies :] = [self._is_seat(support) for support in self.supports]
         joined = self._nearest(below, carried, UNDER_M)
-        return joined + self._nearest(~carried & ~held[heaps] & (self.sizes >= SPECK), seated, HANGS_M)
+        return joined + self._nearest(~carried & ~held[heaps] & (self.sizes >= SMALL_PART), seated, HANGS_M)
 
     def _carried_and_seated(self, links: list[tuple[int, int]]) -> tuple[Bool[np.ndarray, "q"], Bool[np.ndarray, "q"]]:
         """Whether each part is one with some support, and with one no higher than a seat."""
@@ -208,7 +208,7 @@ class Parts:
                 joined.append((part, int(self.ids[host_rows[nearest[best]]])))
         return joined
 
-    def _specks(self, small: Bool[np.ndarray, "q"]) -> list[tuple[int, int]]:
+    def _small_parts(self, small: Bool[np.ndarray, "q"]) -> list[tuple[int, int]]:
         """Specks join the one part that they touch most."""
         speck, other = (self.ids[rows] for rows in self.touching)
         chosen = small[speck] & ~small[other]

@@ -7,7 +7,7 @@ from jaxtyping import Float, Int16, Int64
 from scipy.spatial import cKDTree
 
 from goc.geometry.voxels import HALF, cells_of, dilate, find_keys, pack_cells
-from goc.priors.segmentation.fuse import MARGIN, Surface
+from goc.priors.segmentation.surface_voxels import MARGIN, SurfaceVoxels
 from goc.scene import UNLABELLED
 
 MIXED = -2
@@ -17,7 +17,7 @@ MIXED = -2
 class IdField:
     """Id of a point: that of the nearest labelled voxel within `reach` voxels, else UNLABELLED."""
 
-    def __init__(self, surface: Surface, ids: Int64[np.ndarray, "v"], reach: float) -> None:
+    def __init__(self, surface: SurfaceVoxels, ids: Int64[np.ndarray, "v"], reach: float) -> None:
         kept = ids != UNLABELLED
         self._voxel = surface.voxel
         self._reach = reach * surface.voxel

@@ -23,16 +23,16 @@ PIXELS_PER_VOXEL = 1.3
 """A voxel spans at least so many pixels, or surfaces would come apart."""
 PINHOLES = 0.02
 """Share of lone missing pixels from which a depth image counts as riddled with holes."""
-HAZE = 0.2
+MIN_LAYER_SHARE = 0.2
 """A sheet that fewer views saw than this share of those that saw the one before or behind it is noise."""
-FEW = 0.1
+MIN_VIEW_SHARE = 0.1
 """Where the typical voxel has many views, one with less than this share of them (at most three) is noise."""
 EDGE = 0.04
 """Depth steps between neighbouring samples above this share of the depth are edges, where depth is not trusted."""
 
 
 @dataclass(frozen=True, eq=False)
-class Surface:
+class SurfaceVoxels:
     """What all views saw, a point a voxel, ordered by key."""
 
     keys: Int64[np.ndarray, "v"]
@@ -48,7 +48,7 @@ class Surface:
         return len(self.keys)
 
 
-def thinned(surface: Surface, rounds: int = 3) -> Surface:
+def thinned(surface: SurfaceVoxels, rounds: int = 3) -> SurfaceVoxels:
     """Draw the haze of depth noise and drift together into one sheet.
 
     Each point moves along its normal to the mean of the points before and behind it that face the same way, weighted by
@@ -63,15 +63,17 @@ def thinned(surface: Surface, rounds: int = 3) -> Surface:
             weight[rows] += surface.views[others]
             normals[rows] += surface.normals[others] * surface.views[others, None]
         moved = surface.points + surface.normals * (shift / weight)[:, None]
-        surface = regrouped(moved, normals, surface.views, surface.voxel)
+        surface = revoxelized(moved, normals, surface.views, surface.voxel)
     peak = surface.views.copy()
     for rows, others in _columns(surface, 6):
         peak[rows] = np.maximum(peak[rows], surface.views[others])
-    kept = surface.views >= np.maximum(HAZE * peak, min(3.0, FEW * np.median(surface.views)))
-    return Surface(surface.keys[kept], surface.points[kept], surface.normals[kept], surface.views[kept], surface.voxel)
+    kept = surface.views >= np.maximum(MIN_LAYER_SHARE * peak, min(3.0, MIN_VIEW_SHARE * np.median(surface.views)))
+    return SurfaceVoxels(
+        surface.keys[kept], surface.points[kept], surface.normals[kept], surface.views[kept], surface.voxel
+    )
 
 
-def _columns(surface: Surface, reach: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _columns(surface: SurfaceVoxels, reach: int) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Rows, and those of the voxels that lie 1 … `reach` voxels before or behind them and face the same way."""
     for step in [step for step in range(-reach, reach + 1) if step]:
         ahead = surface.points + step * surface.voxel * surface.normals
@@ -81,7 +83,7 @@ def _columns(surface: Surface, reach: int) -> Iterator[tuple[np.ndarray, np.ndar
         yield rows, others[rows]
 
 
-def regrouped(points: np.ndarray, normals: np.ndarray, views: np.ndarray, voxel: float) -> Surface:
+def revoxelized(points: np.ndarray, normals: np.ndarray, views: np.ndarray, voxel: float) -> SurfaceVoxels:
     """Points and directions, weighted by views, as a surface of the given voxel."""
     length = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
     weight = views[:, None]
@@ -115,7 +117,7 @@ def by_name(views: Capture) -> list[int]:
     return sorted(range(len(views)), key=lambda index: views.names[index])
 
 
-def fuse(views: Capture, config: SegmentConfig, notify: Listener) -> Surface:
+def fuse_depth(views: Capture, config: SegmentConfig, notify: Listener) -> SurfaceVoxels:
     """Fuse the depth of (at most `max_views`) views into voxels.
 
     Views are taken in the order of their names, so the result does not depend on the order of the capture.
@@ -229,7 +231,7 @@ def _coarsen(sums: np.ndarray, voxel: float) -> tuple[np.ndarray, np.ndarray]:
     return sum_by_key(pack_cells(cells_of(sums[:, :3] / sums[:, 6:7], voxel)), sums)
 
 
-def _surface(keys: np.ndarray, sums: np.ndarray, voxel: float) -> Surface:
+def _surface(keys: np.ndarray, sums: np.ndarray, voxel: float) -> SurfaceVoxels:
     """Means out of sums."""
     normals = sums[:, 3:6] / np.maximum(np.linalg.norm(sums[:, 3:6], axis=1, keepdims=True), 1e-12)
-    return Surface(keys, sums[:, :3] / sums[:, 6:7], normals, sums[:, 7], voxel)
+    return SurfaceVoxels(keys, sums[:, :3] / sums[:, 6:7], normals, sums[:, 7], voxel)

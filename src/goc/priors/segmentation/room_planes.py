@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
-from goc.geometry.planes import Plane, along, find_plane, plane_inliers, refine_plane, spread
+from goc.geometry.planes import Plane, along, find_plane, plane_inliers, refine_plane, robust_sigma
 from goc.geometry.voxels import parts_of
-from goc.priors.segmentation.fuse import Surface
+from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 from goc.scene import Camera
 
 LEVEL = np.cos(np.radians(12.0))
@@ -27,7 +27,7 @@ MAX_BEHIND = 0.12
 
 
 @dataclass(frozen=True, eq=False)
-class Room:
+class RoomPlanes:
     """Up, the planes that bound the room, and the voxels they claim."""
 
     up: Float[np.ndarray, "3"]
@@ -39,7 +39,9 @@ class Room:
     mask: Bool[np.ndarray, "v"]
 
 
-def find_room(surface: Surface, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator) -> Room:
+def find_room_planes(
+    surface: SurfaceVoxels, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator
+) -> RoomPlanes:
     """Up and the planes of the room; what they claim is the room. Without any plane, the largest structure is."""
     positions = np.stack([camera.position.double().numpy() for camera in cameras])
     up, level = find_up(surface, cameras, positions, rng)
@@ -47,23 +49,25 @@ def find_room(surface: Surface, cameras: tuple[Camera, ...], metre: float, rng: 
     ceiling = _ceiling(surface, up, positions) if level else None
     walls = _walls(surface, up, positions, metre, rng)
     planes = [plane for plane in (floor, ceiling, *walls) if plane is not None]
-    noises = [min(max(spread(_near(plane, surface)), 0.25 * surface.voxel), 0.03 * metre) for plane in planes]
+    noises = [min(max(robust_sigma(_near(plane, surface)), 0.25 * surface.voxel), 0.03 * metre) for plane in planes]
     mask = np.zeros(len(surface), bool)
     for plane, noise in zip(planes, noises, strict=True):
         mask |= claimed_by(plane, surface, noise, up, metre)
     if not planes:
         mask = _largest_part(surface)
     noise = float(np.median(noises)) if noises else 0.5 * surface.voxel
-    return Room(up, floor, ceiling, walls, noise, mask)
+    return RoomPlanes(up, floor, ceiling, walls, noise, mask)
 
 
-def _largest_part(surface: Surface) -> Bool[np.ndarray, "v"]:
+def _largest_part(surface: SurfaceVoxels) -> Bool[np.ndarray, "v"]:
     """The largest connected structure: the room of a capture that shows no plane."""
     parts = parts_of(surface.keys, np.ones(len(surface), bool), 1.8)
     return parts == np.bincount(parts).argmax()
 
 
-def claimed_by(plane: Plane, surface: Surface, noise: float, up: np.ndarray, metre: float) -> Bool[np.ndarray, "v"]:
+def claimed_by(
+    plane: Plane, surface: SurfaceVoxels, noise: float, up: np.ndarray, metre: float
+) -> Bool[np.ndarray, "v"]:
     """Voxels on a plane, within three noises when they face its way and one otherwise, and those seen behind it."""
     distance = plane.distance(surface.points)
     near = max(3.0 * noise, 0.75 * surface.voxel)
@@ -76,13 +80,13 @@ def claimed_by(plane: Plane, surface: Surface, noise: float, up: np.ndarray, met
     return claimed & np.isin(strips, np.concatenate([covered - 1, covered, covered + 1]))
 
 
-def _strips(plane: Plane, surface: Surface, up: np.ndarray, metre: float) -> Int64[np.ndarray, "v"]:
+def _strips(plane: Plane, surface: SurfaceVoxels, up: np.ndarray, metre: float) -> Int64[np.ndarray, "v"]:
     """The upright strip of a wall, ten centimetres wide, before or behind which each voxel lies."""
     return np.floor(along(surface.points, np.cross(up, plane.normal)) / (0.1 * metre)).astype(np.int64)
 
 
 def find_up(
-    surface: Surface, cameras: tuple[Camera, ...], positions: Float[np.ndarray, "n 3"], rng: np.random.Generator
+    surface: SurfaceVoxels, cameras: tuple[Camera, ...], positions: Float[np.ndarray, "n 3"], rng: np.random.Generator
 ) -> tuple[Float[np.ndarray, "3"], bool]:
     """Up, and whether a horizontal plane confirms it.
 
@@ -126,7 +130,7 @@ def _before(plane: Plane, positions: Float[np.ndarray, "n 3"]) -> float:
     return float((plane.distance(positions) > 0).mean())
 
 
-def _floor(surface: Surface, up: np.ndarray, positions: Float[np.ndarray, "n 3"]) -> Plane | None:
+def _floor(surface: SurfaceVoxels, up: np.ndarray, positions: Float[np.ndarray, "n 3"]) -> Plane | None:
     """The lowest horizontal layer that holds a fifth of the largest one's voxels, with nearly all cameras above."""
     heights = along(surface.points, up)[along(surface.normals, up) > LEVEL]
     if not len(heights):
@@ -152,7 +156,7 @@ def _layers(heights: np.ndarray, layer: float) -> tuple[np.ndarray, np.ndarray]:
     return counts[:-1] + counts[1:], edges[:-2]
 
 
-def _ceiling(surface: Surface, up: np.ndarray, positions: np.ndarray) -> Plane | None:
+def _ceiling(surface: SurfaceVoxels, up: np.ndarray, positions: np.ndarray) -> Plane | None:
     """The highest large downward layer above the cameras."""
     heights = along(surface.points, up)
     level = (along(surface.normals, up) < -LEVEL) & (heights > np.percentile(along(positions, up), 90))
@@ -168,7 +172,7 @@ def _ceiling(surface: Surface, up: np.ndarray, positions: np.ndarray) -> Plane |
 
 
 def _walls(
-    surface: Surface,
+    surface: SurfaceVoxels,
     up: np.ndarray,
     positions: Float[np.ndarray, "n 3"],
     metre: float,
@@ -196,7 +200,7 @@ def _walls(
 
 
 def _is_wall(
-    plane: Plane, surface: Surface, inliers: np.ndarray, up: np.ndarray, positions: np.ndarray, metre: float
+    plane: Plane, surface: SurfaceVoxels, inliers: np.ndarray, up: np.ndarray, positions: np.ndarray, metre: float
 ) -> bool:
     """Tall, cameras before it, and little seen behind the columns it covers."""
     heights = along(surface.points, up)
@@ -212,6 +216,6 @@ def _is_wall(
     return bool(surface.views[behind].sum() <= MAX_BEHIND * surface.views[inliers].sum())
 
 
-def _near(plane: Plane, surface: Surface) -> np.ndarray:
+def _near(plane: Plane, surface: SurfaceVoxels) -> np.ndarray:
     """Distances of the voxels that make up a plane."""
     return plane.distance(surface.points)[plane_inliers(plane, surface.points, surface.normals, 3.0 * surface.voxel)]
