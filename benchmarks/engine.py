@@ -119,9 +119,7 @@ def iteration_ms(splats: int) -> float:
     rays = torch.cat([(pixels + 0.5 - SIDE / 2) / FOCAL, torch.ones(SIDE, SIDE, 1)], -1)
     hits = torch.stack([1.5 / rays[..., 0].abs(), 1.3 / rays[..., 1].abs(), torch.full((SIDE, SIDE), 3.5)], -1)
     frame = Frame(camera=view, image=image, depth=hits.amin(-1))
-    capture = Capture(
-        cameras=(view, view), names=("a", "b"), load=lambda _: frame, has_depth=True, has_ids=False, labels={}
-    )
+    capture = Capture(cameras=(view, view), view_names=("a", "b"), load=lambda _: frame, has_depth=True, has_ids=False)
     assert len(room) == splats
     stamps: list[float] = []
 

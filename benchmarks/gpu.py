@@ -101,7 +101,7 @@ def step_ms(engine: Engine, views: int) -> float:
     image, depth = (torch.rand(cpu.SIDE, cpu.SIDE, 3) * 255).to(torch.uint8), torch.full((cpu.SIDE, cpu.SIDE), 3.0)
     frames = [Frame(camera=camera, image=image, depth=depth) for camera in cameras]
     capture = Capture(
-        cameras=tuple(cameras), names=tuple("abcdefgh"), load=frames.__getitem__, has_depth=True, has_ids=False
+        cameras=tuple(cameras), view_names=tuple("abcdefgh"), load=frames.__getitem__, has_depth=True, has_ids=False
     )
     stamps: list[float] = []
 

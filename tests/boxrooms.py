@@ -103,7 +103,7 @@ def box_room(
         frames.append(Frame(camera=camera, image=image, depth=z, ids=torch.tensor(ids, dtype=torch.int16)))
     return Capture(
         cameras=tuple(cameras),
-        names=tuple(f"images/{index:03d}.png" for index in range(len(frames))),
+        view_names=tuple(f"images/{index:03d}.png" for index in range(len(frames))),
         load=frames.__getitem__,
         has_depth=True,
         has_ids=True,

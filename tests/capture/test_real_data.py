@@ -46,7 +46,7 @@ def test_bench_rooms(data_root, room, file, count):
     capture = load_capture(data_root / "bench" / room / file)
     assert len(capture) == count
     assert (capture.has_depth, capture.has_ids, capture.metric, capture.units_per_metre) == (True, True, True, 1.0)
-    assert sorted(capture.labels) == list(range(11))
+    assert sorted(capture.id_names) == list(range(11))
     median, share, ids = disagreement(capture[0], capture[1])
     assert median < 0.004  # half a pixel on slanted surfaces, and millimetres of storage
     assert share > 0.95
@@ -68,7 +68,7 @@ def test_redkitchen(data_root):
     capture = load_capture(data_root / "real/redkitchen")
     assert len(capture) == 167
     assert (capture.has_depth, capture.has_ids, capture.metric) == (True, True, True)
-    assert capture.labels[7] == "mug_white"
+    assert capture.id_names[7] == "mug_white"
     assert capture[0].ids.unique().tolist() == [-1, 0, 1, 2, 3, 6, 7, 11, 12]
     median, share, ids = disagreement(capture[10], capture[11])
     assert median < 0.012

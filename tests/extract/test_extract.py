@@ -189,7 +189,7 @@ def test_a_scene_that_does_not_fit_gets_larger_voxels(room):
 
 def test_a_label_that_nobody_sees_is_warned_about(room):
     heard = []
-    found = extract_objects(replace(room, labels={0: "room", 1: "table", 9: "ghost"}), CONFIG, heard.append)
+    found = extract_objects(replace(room, id_names={0: "room", 1: "table", 9: "ghost"}), CONFIG, heard.append)
     assert [item.label for item in found] == ["table", "object 4"]
     warned = [event.message for event in heard if isinstance(event, Warned)]
     assert warned == [f"Object 9 (ghost) is measured in none of {len(room)} views: no mesh for it."]

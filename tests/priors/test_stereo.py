@@ -64,7 +64,7 @@ def capture_of(views: list[Camera], blank: bool = False, metre: float = 1.0) -> 
     frames = [photograph(view, blank) for view in views]
     return Capture(
         cameras=tuple(views),
-        names=tuple(str(number) for number in range(len(views))),
+        view_names=tuple(str(number) for number in range(len(views))),
         load=lambda index: frames[index],
         has_depth=False,
         has_ids=False,

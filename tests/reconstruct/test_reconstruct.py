@@ -139,7 +139,7 @@ def test_a_view_that_spoils_the_loss_is_named(capture):
 
 
 def test_too_few_views_or_points_are_refused(capture):
-    alone = replace(capture, cameras=capture.cameras[:1], names=capture.names[:1])
+    alone = replace(capture, cameras=capture.cameras[:1], view_names=capture.view_names[:1])
     with pytest.raises(ReconstructError, match=r"1 training view\(s\): reconstruction needs at least 2"):
         reconstruct(alone, QUICK)
     empty = replace(

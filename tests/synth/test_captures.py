@@ -91,7 +91,7 @@ def test_points_of_one_view_never_hide_behind_what_another_view_saw_through(view
 def test_the_capture_reader_takes_the_folder_as_it_is(demo_capture, demo_config, views):
     capture = load_capture(demo_capture[0])
     assert len(capture) == demo_config.views and capture.has_depth and capture.has_ids and capture.metric
-    assert capture.labels[1] == "sofa"
+    assert capture.id_names[1] == "sofa"
     frame = capture[3]
     np.testing.assert_allclose(frame.camera.world_from_cam.numpy(), views[3].pose, atol=1e-6)
     np.testing.assert_array_equal(frame.ids.numpy(), views[3].ids)

@@ -40,13 +40,13 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     cache = FrameCache(lambda index: decoder.frame(views[index], cameras[index]), len(views), config.cache_mb << 20)
     return Capture(
         cameras=cameras,
-        names=tuple(view.name for view in views),
+        view_names=tuple(view.name for view in views),
         load=cache,
         has_depth=any(view.depth is not None for view in views),
         has_ids=any(view.ids is not None for view in views),
         depth_kind=kind,
         points=source.points,
-        labels=source.labels if config.use_ids else {},
+        id_names=source.id_names if config.use_ids else {},
         units_per_metre=units_per_metre,
         metric=measured or config.units_per_metre is not None,
     )

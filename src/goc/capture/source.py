@@ -70,7 +70,7 @@ class Source:
     """Scene units that a stored depth of 1 means."""
     depth_kind: DepthKind = "metric"
     id_codes: IdCodes = IdCodes()
-    labels: dict[int, str] = field(default_factory=dict)
+    id_names: dict[int, str] = field(default_factory=dict)
     points: PointCloud | None = None
 
 
@@ -90,7 +90,7 @@ def count_of(culprits: Sequence[object], total: int) -> str:
     return f"{len(culprits)} of {total}"
 
 
-def parse_labels(where: Path, stored: dict[str, str]) -> dict[int, str]:
+def parse_id_names(where: Path, stored: dict[str, str]) -> dict[int, str]:
     """Names by id, from a JSON object whose keys are ids.
 
     Raises:

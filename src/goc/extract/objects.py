@@ -50,7 +50,7 @@ def extract_objects(
 
     cells = count_cells(depths("find objects")(), _CELL * views.units_per_metre, by_id=True)
     grids: dict[int, BlockGrid] = {}
-    for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.labels)):
+    for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.id_names)):
         own = object_cells(cells, wanted) if wanted > ROOM else None
         if own is not None and len(own) > 0:
             grids[wanted] = _object_grid(own, cells.size, views.units_per_metre, config)
@@ -74,14 +74,14 @@ def extract_objects(
 
 
 def _missing(wanted: int, views: Capture) -> Warned:
-    name = f"{wanted} ({views.labels[wanted]})" if wanted in views.labels else f"{wanted}"
+    name = f"{wanted} ({views.id_names[wanted]})" if wanted in views.id_names else f"{wanted}"
     return Warned(stage="extract", message=f"Object {name} is measured in none of {len(views)} views: no mesh for it.")
 
 
 def _object_mesh(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views: Capture) -> ObjectMesh:
     return ObjectMesh(
         id=wanted,
-        label=views.labels.get(wanted, f"object {wanted}"),
+        label=views.id_names.get(wanted, f"object {wanted}"),
         mesh=found.mesh,
         observed=found.weight * views.units_per_metre**2 >= _CLEAR_LOOK,
         evidence=evidence,

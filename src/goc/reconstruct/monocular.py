@@ -54,7 +54,7 @@ def start_alignment(capture: Capture, views: list[int], known: KnownDepths, noti
         frame = capture[view]
         if frame.depth is not None:
             rows[view] = _row(*_compared(frame, capture.points, known.get(view)), capture.depth_kind)
-            unaligned += [] if torch.isfinite(rows[view, SCALE]) else [capture.names[view]]
+            unaligned += [] if torch.isfinite(rows[view, SCALE]) else [capture.view_names[view]]
         notify(Progress(stage="align", done=done, total=len(views)))
     if unaligned:
         counted = f"{len(unaligned)} of {len(views)} views (first: {unaligned[0]})"

@@ -36,14 +36,14 @@ class Task:
 
     def fingerprint(self) -> str:
         """Names the capture and all settings: a checkpoint fits only the same."""
-        described = {"config": asdict(self.config), "views": [self.capture.names[view] for view in self.views]}
+        described = {"config": asdict(self.config), "views": [self.capture.view_names[view] for view in self.views]}
         return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
 
 
 def not_finite(task: Task, view: int, step: int) -> str:
     """What to tell of a loss that is not finite."""
     return (
-        f"{task.capture.names[view]}: the loss is not finite at step {step}. "
+        f"{task.capture.view_names[view]}: the loss is not finite at step {step}. "
         "Check this view's depth and pose, or lower --reconstruct.rates."
     )
 

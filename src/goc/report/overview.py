@@ -135,7 +135,7 @@ def _row(assets: SceneAssets, views: Capture, index: int) -> _Row:
     )
     error = np.square(seen - photo / 255.0).mean()
     return _Row(
-        name=views.names[index],
+        name=views.view_names[index],
         psnr_db=-10 * math.log10(max(float(error), 1e-10)),
         photo=photo,
         shown=np.rint(seen * 255).astype(np.uint8),

@@ -50,7 +50,7 @@ class Capture:
     """A set of posed views. Images are decoded by `load` when asked for, through the reader's bounded cache."""
 
     cameras: tuple[Camera, ...]
-    names: tuple[str, ...]
+    view_names: tuple[str, ...]
     """What errors and reports call each view: its image path inside the capture."""
     load: Callable[[int], Frame]
     has_depth: bool
@@ -59,7 +59,7 @@ class Capture:
     depth_kind: DepthKind = "metric"
     """What the depth of all views means."""
     points: PointCloud | None = None
-    labels: dict[int, str] = field(default_factory=dict)
+    id_names: dict[int, str] = field(default_factory=dict)
     """Names of ids where the capture gives them."""
     units_per_metre: float = 1.0
     """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that

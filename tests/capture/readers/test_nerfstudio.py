@@ -36,9 +36,9 @@ def lens_of(camera):
 def test_every_view_is_what_its_camera_sees(tmp_path):
     capture = load_capture(write_nerfstudio(tmp_path))
     assert len(capture) == 6
-    assert capture.names[2] == "images/0002.png"
+    assert capture.view_names[2] == "images/0002.png"
     assert (capture.has_depth, capture.has_ids, capture.metric, capture.units_per_metre) == (True, True, True, 1.0)
-    assert capture.labels == {0: "room", 1: "crate", 2: "cupboard"}
+    assert capture.id_names == {0: "room", 1: "crate", 2: "cupboard"}
     np.testing.assert_array_equal(capture.points.positions, corners().positions)
     for pose, frame in zip(poses(), capture, strict=True):
         shot = see(pose)
@@ -91,8 +91,8 @@ def test_a_file_of_another_name_picks_its_subset(tmp_path):
     document["frames"] = document["frames"][::3]
     (folder / "transforms_sparse.json").write_text(json.dumps(document))
     capture = load_capture(folder / "transforms_sparse.json")
-    assert capture.names == ("images/0000.png", "images/0003.png")
-    assert capture.labels[1] == "crate"
+    assert capture.view_names == ("images/0000.png", "images/0003.png")
+    assert capture.id_names[1] == "crate"
 
 
 def test_intrinsics_of_a_frame_win_over_shared_ones(tmp_path):
@@ -121,7 +121,7 @@ def test_an_angle_of_view_stands_in_for_everything(tmp_path):
     assert (camera.width, camera.height) == (64, 48)
     np.testing.assert_allclose(camera.focal_px, [32, 32], rtol=1e-6)
     assert camera.centre_px.tolist() == [32, 24]
-    assert capture.names[0] == "images/0000"
+    assert capture.view_names[0] == "images/0000"
     assert capture[0].image.shape == (48, 64, 3)
     assert capture.points is None
 
@@ -185,7 +185,7 @@ def test_given_ids_and_depth_can_be_ignored(tmp_path):
     assert not capture.has_depth
     assert capture[0].ids is None
     assert capture[0].depth is None
-    assert capture.labels == {}
+    assert capture.id_names == {}
     assert capture.metric  # the poses are in the depth's unit all the same
 
 

@@ -14,9 +14,9 @@ from goc.files import write_ids
 def test_every_view_is_what_its_camera_sees(tmp_path):
     capture = load_capture(write_rgbd(tmp_path))
     assert len(capture) == 6
-    assert capture.names[2] == "color/0002.jpg"
+    assert capture.view_names[2] == "color/0002.jpg"
     assert (capture.has_depth, capture.has_ids, capture.metric, capture.units_per_metre) == (True, True, True, 1.0)
-    assert capture.labels == {1: "crate", 2: "cupboard"}
+    assert capture.id_names == {1: "crate", 2: "cupboard"}
     np.testing.assert_allclose(capture.cameras[0].centre_px, LENS.centre_px)
     for pose, frame in zip(poses(), capture, strict=True):
         shot = see(pose)
@@ -71,7 +71,7 @@ def test_views_without_a_pose_can_be_left_out(tmp_path):
     (tmp_path / "color/0004.jpg").unlink()
     heard = []
     capture = load_capture(tmp_path, CaptureConfig(allow_missing=True), heard.append)
-    assert capture.names == tuple(f"color/{number:04d}.jpg" for number in (0, 1, 3, 5))
+    assert capture.view_names == tuple(f"color/{number:04d}.jpg" for number in (0, 1, 3, 5))
     assert [event.message for event in heard] == [
         "1 of 5 color images have no pose and are left out (first: 0002.jpg)",
         "1 poses have no color image and are not used (first: 0004.txt)",

@@ -18,7 +18,7 @@ def share_matched(folder: Path, step: int) -> float:
     views = replace(
         views,
         cameras=tuple(views.cameras[index] for index in kept),
-        names=tuple(views.names[index] for index in kept),
+        view_names=tuple(views.view_names[index] for index in kept),
         load=lambda index: load(kept[index]),
     )
     found = segment(views, SegmentConfig())

@@ -39,7 +39,7 @@ def matches(truth: Capture, found: Capture) -> dict[int, tuple[int, float]]:
 def assert_told_apart(truth: Capture, found: Capture, least: float) -> None:
     best = matches(truth, found)
     assert best[ROOM][0] == ROOM
-    assert sorted(found.labels) == list(range(len(best))), best
+    assert sorted(found.id_names) == list(range(len(best))), best
     assert len({other for other, _ in best.values()}) == len(best), best
     assert min(score for _, score in best.values()) > least, best
 
@@ -60,9 +60,9 @@ def test_things_on_the_floor_and_on_a_table_are_told_apart(furnished):
 def test_only_the_table_is_named(furnished):
     found = segment(furnished, CONFIG)
     the_table = matches(furnished, found)[1][0]
-    assert found.labels[ROOM] == "room"
-    assert found.labels[the_table] == "table"
-    assert all(name == f"object {number}" for number, name in found.labels.items() if number not in (ROOM, the_table))
+    assert found.id_names[ROOM] == "room"
+    assert found.id_names[the_table] == "table"
+    assert all(name == f"object {number}" for number, name in found.id_names.items() if number not in (ROOM, the_table))
 
 
 def test_ids_follow_size(furnished):
@@ -86,7 +86,7 @@ def test_order_of_views_does_not_matter(furnished):
     shuffled = replace(
         furnished,
         cameras=tuple(furnished.cameras[i] for i in order),
-        names=tuple(furnished.names[i] for i in order),
+        view_names=tuple(furnished.view_names[i] for i in order),
         load=lambda index: furnished.load(order[index]),
     )
     straight, turned = segment(furnished, CONFIG), segment(shuffled, CONFIG)
@@ -112,11 +112,11 @@ def test_a_point_has_one_id_in_all_views(furnished):
 
 def test_ids_given_before_play_no_part(furnished):
     blind = replace(
-        furnished, load=lambda index: replace(furnished.load(index), ids=None), has_ids=False, labels={7: "mug"}
+        furnished, load=lambda index: replace(furnished.load(index), ids=None), has_ids=False, id_names={7: "mug"}
     )
     with_ids, without = segment(furnished, CONFIG), segment(blind, CONFIG)
     assert without.has_ids
-    assert 7 not in without.labels
+    assert 7 not in without.id_names
     assert all(torch.equal(with_ids[i].ids, without[i].ids) for i in range(len(blind)))
 
 
@@ -236,7 +236,7 @@ def test_wild_outliers_do_no_harm(furnished):
 
 
 def test_one_view_is_enough_to_try(furnished):
-    alone = replace(furnished, cameras=furnished.cameras[5:6], names=("a",), load=lambda index: furnished.load(5))
+    alone = replace(furnished, cameras=furnished.cameras[5:6], view_names=("a",), load=lambda index: furnished.load(5))
     ids = segment(alone, CONFIG)[0].ids
     assert (ids == ROOM).any()
     assert (ids > 0).any()

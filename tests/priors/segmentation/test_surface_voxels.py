@@ -89,7 +89,7 @@ def test_lone_holes_are_filled_only_within_one_surface():
 
 def test_views_are_taken_by_name():
     names = tuple(f"{index:03d}" for index in range(len(ROOM), 0, -1))
-    assert by_name(replace(ROOM, names=names)) == list(range(len(ROOM)))[::-1]
+    assert by_name(replace(ROOM, view_names=names)) == list(range(len(ROOM)))[::-1]
 
 
 def test_level_cameras_tell_up():

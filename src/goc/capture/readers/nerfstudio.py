@@ -12,7 +12,7 @@ from goc.capture.config import CaptureConfig
 from goc.capture.intrinsics import Intrinsics, LensError, lens_of
 from goc.capture.poses import OPENCV_FROM_OPENGL, PoseError, rigid
 from goc.capture.readers.reader import Reader
-from goc.capture.source import Source, View, complain, count_of, parse_labels, shown
+from goc.capture.source import Source, View, complain, count_of, parse_id_names, shown
 from goc.errors import CaptureError
 from goc.events import Listener, Warned
 from goc.files import is_file, is_folder, read_json, read_points
@@ -66,7 +66,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         views=_views(path, document),
         depth_unit=document.depth_unit_scale_factor,
         depth_kind=document.depth_kind,
-        labels=_labels(root / "labels.json"),
+        id_names=_id_names(root / "labels.json"),
         points=None if document.ply_file_path is None else read_points(root / document.ply_file_path),
     )
 
@@ -131,8 +131,8 @@ def _ids_path(root: Path, entry: _Entry) -> Path | None:
     return None
 
 
-def _labels(path: Path) -> dict[int, str]:
-    return parse_labels(path, read_json(path, dict[str, str])) if is_file(path) else {}
+def _id_names(path: Path) -> dict[int, str]:
+    return parse_id_names(path, read_json(path, dict[str, str])) if is_file(path) else {}
 
 
 READER = Reader(name="nerfstudio", expects="transforms.json (nerfstudio)", detect=detect, read=read)

@@ -16,7 +16,7 @@ import numpy as np
 from goc.capture.config import CaptureConfig
 from goc.capture.poses import PoseError, rigid
 from goc.capture.readers.reader import Reader
-from goc.capture.source import IdCodes, Lens, Source, View, complain, count_of, parse_labels
+from goc.capture.source import IdCodes, Lens, Source, View, complain, count_of, parse_id_names
 from goc.errors import CaptureError, FileError
 from goc.events import Listener, Warned
 from goc.files import image_size, is_file, is_folder, read_json, read_matrix
@@ -80,7 +80,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         ),
         depth_unit=1.0 / meta.depth_scale,
         id_codes=IdCodes(meta.instance_background, meta.instance_unknown, tuple(meta.mask_values)),
-        labels=parse_labels(where, meta.instances),
+        id_names=parse_id_names(where, meta.instances),
     )
 
 

@@ -28,7 +28,7 @@ class SegmentedObjects:
     """Ids of voxels, and the names of those ids whose shape tells what they are."""
 
     ids: Int64[np.ndarray, "v"]
-    names: dict[int, str]
+    id_names: dict[int, str]
 
 
 def find_objects(

@@ -68,4 +68,4 @@ def _labelled(views: Capture, field: IdField, things: SegmentedObjects) -> Captu
     def load(index: int) -> Frame:
         return replace(views.load(index), ids=ids_of(index).clone())
 
-    return replace(views, load=load, has_ids=True, labels={ROOM: "room", **things.names})
+    return replace(views, load=load, has_ids=True, id_names={ROOM: "room", **things.id_names})

@@ -114,7 +114,7 @@ def depth_of(views: Capture, index: int) -> Float[np.ndarray, "h w"] | None:
 
 def by_name(views: Capture) -> list[int]:
     """Views in the order of their names."""
-    return sorted(range(len(views)), key=lambda index: views.names[index])
+    return sorted(range(len(views)), key=lambda index: views.view_names[index])
 
 
 def fuse_depth(views: Capture, config: SegmentConfig, notify: Listener) -> SurfaceVoxels:
@@ -141,7 +141,7 @@ def fuse_depth(views: Capture, config: SegmentConfig, notify: Listener) -> Surfa
         notify(Progress(stage="segment", done=done, total=len(kept), figures={"voxels": float(len(keys))}))
     if not len(keys):
         raise SegmentError(
-            f"the depth of the {len(views)} views (first: {views.names[0]}) shows no continuous surface. "
+            f"the depth of the {len(views)} views (first: {views.view_names[0]}) shows no continuous surface. "
             "Check its unit and that it is z along the optical axis, or give ids with the capture."
         )
     return _surface(keys, sums, voxel)
@@ -156,8 +156,9 @@ def _resolution(views: Capture, kept: list[int], config: SegmentConfig) -> tuple
             medians.append(float(np.nanmedian(z)))
             footprints.append(medians[-1] / float(views.cameras[index].focal_px.max()))
     if not medians:
+        first = views.view_names[0] if len(views) else "no view"
         raise SegmentError(
-            f"none of the {len(views)} views has metric depth (first: {views.names[0] if len(views) else 'no view'}), "
+            f"none of the {len(views)} views has metric depth (first: {first}), "
             "and telling objects apart without masks needs it. Give depth images, or ids with the capture."
         )
     if config.voxel_m is not None:
