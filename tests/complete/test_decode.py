@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from goc.complete import Lattice, Refinement, decode, decode_densely, signed_distance
+from goc.complete import Lattice, Refinement, decode, signed_distance
 from goc.errors import CompleteError
+from oracles.decoding import decode_densely
 
 
 @dataclass

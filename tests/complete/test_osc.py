@@ -15,12 +15,12 @@ from goc.complete import (
     build,
     cube_round,
     decode,
-    decode_densely,
     partial_of,
 )
 from goc.complete.layers import FOURIER, CrossBlock, fourier_features
 from goc.complete.sampling import farthest_points
 from goc.scene import EvidenceGrid
+from oracles.decoding import decode_densely
 
 TINY = OscConfig(encoder=2, decoder=2, width=32, heads=4, tokens=16, latent=4, points=64)
 

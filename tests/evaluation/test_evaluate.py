@@ -11,7 +11,7 @@ from goc.errors import CaptureError, EvaluationError, FileError
 from goc.evaluation import Evaluation, evaluate, write_evaluation
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.protocol_replica import oriented_box
-from goc.evaluation.rooms import score_room
+from goc.evaluation.truth import read_truth
 from goc.files import write_mesh
 from solids import cuboid, joined, moved, sphere, with_face_flipped
 from truths import CRATE, CUPBOARD, ROOM, write_run, write_truth
@@ -48,13 +48,6 @@ def test_the_truth_itself_is_perfect(truth, perfect):
     assert found.objects[1].figures["volume"] == pytest.approx(0.9 * 0.8 * 0.7, rel=1e-5)
     assert found.scene is not None and found.scene["recall_0.05"] > 0.99
     assert set(found.mean_over.values()) == {2}
-
-
-def test_figures_are_those_of_score_room(truth, perfect):
-    found, scores = evaluate(perfect, truth), score_room(truth, {1: CRATE, 2: CUPBOARD}, WHOLE)
-    for name, value in scores.mean().items():
-        assert found.mean[name] == pytest.approx(value, abs=0, rel=0, nan_ok=True), name
-    assert found.scene["chamfer"] == scores.scene.chamfer
 
 
 def test_a_missing_object_counts_and_is_named(truth, tmp_path):
@@ -173,7 +166,7 @@ def test_malformed_truth_is_refused(tmp_path, change, text):
         kept = dict(arrays)
     np.savez(path, **(kept | change | ({"nillow": np.zeros((4, 3))} if "pillow" in change else {})))
     with pytest.raises(FileError, match=text):
-        score_room(tmp_path, {})
+        read_truth(tmp_path)
 
 
 @pytest.mark.parametrize("protocol", ["phyrecon-scannet", "objectsdf-replica"])

@@ -1,4 +1,4 @@
-"""What "watertight" means here, checked without any library (ARCHITECTURE, decision 5)."""
+"""What "watertight" means here, checked without any library (docs/decisions/0021)."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""The paper's own figures, as its tables print them (../shared/paper/goc.tex): what ours stand beside.
+"""The paper's own figures, as its tables print them: what ours stand beside.
 
 Its rooms are five private ones, its ablation is on ScanNet: the shape of a table can be compared, not its level.
 """

@@ -2,7 +2,7 @@
 
 from goc.complete.compose import compose, compose_field, with_margin
 from goc.complete.config import CompleteConfig, ScanConfig
-from goc.complete.decode import Lattice, Refinement, decode, decode_densely, signed_distance
+from goc.complete.decode import Lattice, Refinement, decode, signed_distance
 from goc.complete.hull import evidence_hull
 from goc.complete.lite import LiteConfig, LiteField, OscLite
 from goc.complete.osc import SIZES, Osc, OscConfig, OscField
@@ -53,7 +53,6 @@ __all__ = [
     "compose_field",
     "cube_round",
     "decode",
-    "decode_densely",
     "evidence_channels",
     "evidence_hull",
     "load_network",

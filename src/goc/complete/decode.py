@@ -89,13 +89,6 @@ def decode(
     return np.ascontiguousarray(values[tuple(slice(n) for n in lattice.shape)])
 
 
-def decode_densely(field: OccupancyField, lattice: Lattice) -> Float32[np.ndarray, "x y z"]:
-    """Log-odds at every voxel: the slow twin of `decode`."""
-    values = np.zeros(lattice.shape, np.float32)
-    _ask(field, lattice, 1, np.ones(lattice.shape, bool), values)
-    return values
-
-
 def signed_distance(logits: Float32[np.ndarray, "x y z"], threshold: float) -> Float32[np.ndarray, "x y z"]:
     """Signed distance in voxels, positive outside, to where the occupancy is `threshold`; cut off at BAND.
 

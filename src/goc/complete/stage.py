@@ -44,7 +44,7 @@ def complete_objects(
         device: where a network computes.
 
     Returns:
-        Watertight objects in the order given (checked: ARCHITECTURE, decision 5); none where the method is none.
+        Watertight objects in the order given (checked: docs/decisions/0021); none where the method is none.
         Objects without an inside are left out.
 
     Raises:

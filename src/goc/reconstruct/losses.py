@@ -1,4 +1,4 @@
-"""The losses of paper §4.2–4.4: means over valid pixels (docs/decisions/0006), each a scalar."""
+"""The losses of paper §4.2–4.4: means over valid pixels (docs/decisions/0026), each a scalar."""
 
 from dataclasses import dataclass
 from typing import Any

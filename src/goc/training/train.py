@@ -50,7 +50,8 @@ class Place:
 def train(out: Path, config: TrainConfig, notify: Listener = ignore) -> Path:
     """Train a completion network, or go on with it where `out` holds a stopped training of the same settings.
 
-    Started by `torchrun --nproc-per-node N -m goc osc train …` it runs on N processes: gradients are means over them.
+    Started by `torchrun --nproc-per-node N -m goc.cli osc train …` it runs on N processes, and gradients are means
+    over them.
 
     Args:
         out: folder for state.safetensors, weights.safetensors (running mean), curves and pictures.
