@@ -1,4 +1,8 @@
-"""One `goc carve` in a process of its own, so that its peak memory is its own; what it took, piece by piece."""
+"""One `goc carve` in a process of its own, timed by piece: what benchmarks/scale.py counts.
+
+Seconds a stage of a whole run are in its report.json, and `goc bench` prints them; here pieces of a stage are told
+apart, and steps are timed, by listening to the progress that goc reports.
+"""
 
 import argparse
 import json
@@ -28,12 +32,10 @@ class Measured:
     """By piece of work, in order: from the last event of the piece before it to its own last event."""
     step_ms: float
     """Mean of the optimisation steps but the first five."""
-    median_step_ms: float
     peak_mb: float
     """Most memory the process ever held, 10⁶ bytes, Python and libraries included."""
     splats: int
     objects: int
-    psnr_db: float | None
 
     @property
     def total(self) -> float:
@@ -84,15 +86,12 @@ def _measured(capture: Path, words: Sequence[str]) -> Measured:
         assets = carve(capture, Path(folder) / "out", config, listen)
         seconds["write"] = time.perf_counter() - last
     gaps = [1e3 * (b - a) for a, b in zip(steps[5:], steps[6:], strict=False)]
-    metrics = assets.reconstruction.metrics
     return Measured(
         seconds=seconds,
         step_ms=statistics.mean(gaps),
-        median_step_ms=statistics.median(gaps),
         peak_mb=peak_memory_mb(),
         splats=len(assets.reconstruction.gaussians),
         objects=len(assets.objects),
-        psnr_db=metrics.get("held_out_psnr_db", metrics.get("train_psnr_db")),
     )
 
 

@@ -7,11 +7,12 @@ from goc.bench.document import document
 from goc.bench.paper import TABLES
 from goc.bench.plan import Row, Run, Table, plan, rooms_of
 from goc.bench.result import Result
-from goc.bench.run import RESULT, kept_result, source_commit
+from goc.bench.run import RESULT, kept_result, measure, source_commit
 from goc.errors import BenchError, CaptureError, ConfigError, FileError
 from goc.events import Warned
 from goc.files import write_json
 from goc.runs.machine import this_machine
+from truths import write_truth
 
 VALUES = {"accuracy": 0.005, "completion": 0.02, "chamfer": 0.0125, "f_score_0.05": 0.95, "scene.f_score_0.05": 0.98}
 
@@ -79,6 +80,26 @@ def test_an_ablation_leaves_out_one_loss():
         assert [a for a, b in zip(words, full, strict=True) if a != b] == ["0"]
 
 
+def test_completion_closes_one_fusion_in_two_ways():
+    tables = plan(BenchConfig(suites=("rooms", "completion")), ["den", "hall"])
+    fused, completion = tables[0].rows[0], tables[2]
+    assert [row.label for row in completion.rows[:3]] == ["open", "hull", "lite"]
+    assert [row.completed for row in completion.rows[:3]] == [False, True, True]
+    assert completion.rows[0].runs == fused.runs  # measured once for both suites
+    assert [run.method for row in completion.rows[3:6] for run in row.runs] == ["fuse", "fuse-hull", "fuse-lite"]
+    assert len(completion.rows) == 9
+
+
+def test_a_fused_run_is_closed_judged_and_timed(tmp_path):
+    truth = write_truth(tmp_path / "room")
+    result = measure(Run(room="room", views="full", method="fuse-hull"), truth, truth, tmp_path / "runs")
+    assert (result.objects, result.found, result.peak_memory_mb) == (2, 2, None)
+    assert list(result.stages) == ["capture", "extract", "complete"]
+    assert result.values["watertight"] == 0.0 and result.completed["watertight"] == 1.0
+    again = measure(Run(room="room", views="full", method="fuse"), truth, truth, tmp_path / "runs")
+    assert again.completed == {} and again.values == result.values
+
+
 def test_settings_of_a_quick_look_reach_the_command_line():
     table = plan(BenchConfig(suites=("rooms",), iterations=50, max_side_px=128), ["den"])[0]
     assert table.rows[2].runs[0].words == ("--iterations", "50", "--capture.max-side-px", "128")
@@ -125,6 +146,23 @@ def test_a_row_is_the_mean_of_its_runs():
     assert "at abc1234" in text
 
 
+def test_stages_of_timed_runs_are_a_table():
+    runs = (Run(room="a", views="full"), Run(room="b", views="full", method="fuse"), Run(room="c", views="full"))
+    table = Table(title="T", note="N", kind="completion", rows=(Row(label="all", runs=runs),))
+    stages = ({"reconstruct": 50.0, "extract": 12.25}, {"extract": 9.0, "complete": 4.0}, {})
+    results = {run.name: result_of(run, stages=of_run) for run, of_run in zip(runs, stages, strict=True)}
+    text = document([table], results, this_machine(), "goc bench")
+    lines = text[text.index("## Seconds by stage") :].splitlines()[4:]
+    assert lines[0] == "| run | reconstruct | extract | complete | together |"
+    assert lines[2:4] == [
+        "| a-full-exact-carve | 50.0 | 12.2 |  | 62.2 |",
+        "| b-full-exact-fuse |  | 9.0 | 4.0 | 13.0 |",
+    ]
+    assert len(lines) == 4  # the third run is of a time before stages were kept
+    untimed = document([table], {runs[2].name: results[runs[2].name]}, this_machine(), "goc bench")
+    assert "Seconds by stage" not in untimed
+
+
 def test_the_papers_tables_agree_with_themselves():
     for quoted in (*TABLES["table1"], *TABLES["table2"]):
         halved = (quoted.values["accuracy"] + quoted.values["completion"]) / 2
@@ -150,7 +188,7 @@ def test_refused_settings():
         BenchConfig(rooms=("den",))
     with pytest.raises(ConfigError, match="synth-rooms is -1"):
         BenchConfig(synth_rooms=-1)
-    with pytest.raises(ConfigError, match="There are: rooms, sensors"):
+    with pytest.raises(ConfigError, match="There are: rooms, completion, sensors"):
         BenchConfig(suites=())
 
 

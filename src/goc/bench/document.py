@@ -24,6 +24,19 @@ _COLUMNS: dict[Kind, tuple[tuple[str, str, int], ...]] = {
         ("watertight", "closed", 2),
         ("psnr_db", "PSNR dB", 1),
     ),
+    "completion": (
+        ("accuracy", "Acc", 4),
+        ("completion", "Comp", 4),
+        ("chamfer", "CD", 4),
+        ("f_score_0.05", "F@5cm", 3),
+        ("f_score_0.01", "F@1cm", 3),
+        ("normal_consistency", "NC", 3),
+        ("completion_seen", "Comp seen", 4),
+        ("completion_unseen", "Comp unseen", 4),
+        ("accuracy_seen", "Acc seen", 4),
+        ("iou", "IoU", 3),
+        ("watertight", "closed", 2),
+    ),
     "labels": (
         ("label_accuracy", "right id", 4),
         ("label_recall", "found", 4),
@@ -57,7 +70,25 @@ def document(tables: list[Table], results: dict[str, Result], machine: Machine, 
     ]
     for table in tables:
         lines += [_table(table, results), ""]
-    return "\n".join(lines)
+    return "\n".join([*lines, *_stages(results)])
+
+
+def _stages(results: dict[str, Result]) -> list[str]:
+    """Seconds a stage of every run that told them."""
+    timed = [result for result in results.values() if result.stages]
+    names = list(dict.fromkeys(name for result in timed for name in result.stages))
+    if not timed:
+        return []
+    lines = [
+        "## Seconds by stage\n",
+        "A run a line: room, views, input, method, and a mark for its settings.\n",
+        "| run | " + " | ".join(names) + " | together |",
+        "|" + "---|" * (len(names) + 2),
+    ]
+    for result in timed:
+        cells = [_shown(result.stages.get(name), 1) for name in names]
+        lines.append("| " + " | ".join([result.run, *cells, _shown(sum(result.stages.values()), 1)]) + " |")
+    return [*lines, ""]
 
 
 def _table(table: Table, results: dict[str, Result]) -> str:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from goc.bench.config import BenchConfig
+from goc.bench.config import SUITES, BenchConfig
 from goc.errors import CaptureError
 
 Views = Literal["full", "sparse"]
@@ -15,7 +15,10 @@ Input = Literal["exact", "kinect", "affine", "monocular", "photographs", "masks"
 """exact: depth and ids as rendered. kinect: noisy depth. affine: depth without scale and offset, blurred and noisy.
 monocular: slow errors of 3 % on top, as networks make them. photographs: no depth. masks: a tenth of each view's masks
 spoiled."""
-Kind = Literal["geometry", "labels"]
+Kind = Literal["geometry", "completion", "labels"]
+Method = Literal["carve", "fuse", "fuse-hull", "fuse-lite"]
+"""carve: `goc carve`. fuse: given depth and ids fused and meshed, without splats: what perfect rendering gives.
+fuse-hull, fuse-lite: the same, and its objects closed by the evidence hull, or by the network that goc ships."""
 
 SIX_LOSSES = {"depth": 0.3, "depth_normal": 0.1, "photometric": 0.3, "geometric": 0.3}
 """The paper's weights (§4.4)."""
@@ -33,8 +36,7 @@ class Run:
     room: str
     views: Views
     input: Input = "exact"
-    method: Literal["carve", "fuse"] = "carve"
-    """carve: `goc carve`. fuse: given depth and ids fused and meshed, without splats: what perfect rendering gives."""
+    method: Method = "carve"
     words: tuple[str, ...] = ()
     """Of the command line, after the folders."""
 
@@ -96,7 +98,7 @@ def plan(config: BenchConfig, rooms: list[str]) -> list[Table]:
     """Every table of the chosen suites, in the order of the document."""
     common = _common_words(config)
     tables: list[Table] = []
-    for suite in ("rooms", "sensors", "labels", "ablations", "paper"):
+    for suite in SUITES:
         if suite in config.suites:
             tables += _SUITES[suite](config, rooms, common)
     return tables
@@ -135,6 +137,22 @@ def _rooms(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> li
                 paper=f"table{number}",
             )
         )
+    return tables
+
+
+def _completion(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
+    given, tables = _given(rooms), []
+    for views in TRANSFORMS:
+        rows: list[Row] = []
+        by_room = {f"· {room}, ": [room] for room in given} if len(given) > 1 else {}
+        for label, some in ({"": given} | by_room).items():
+            rows += [
+                _row(f"{label}open", some, views, method="fuse"),
+                replace(_row(f"{label}hull", some, views, method="fuse-hull"), completed=True),
+                replace(_row(f"{label}lite", some, views, method="fuse-lite"), completed=True),
+            ]
+        note = f"Exact depth and given ids, fused, then closed. Means over {', '.join(given)}; then each room."
+        tables.append(Table(title=f"Completion, {views} observation", note=note, kind="completion", rows=tuple(rows)))
     return tables
 
 
@@ -222,4 +240,11 @@ def _losses(weights: dict[str, float]) -> tuple[str, ...]:
     return tuple(words)
 
 
-_SUITES = {"rooms": _rooms, "sensors": _sensors, "labels": _labels, "ablations": _ablations, "paper": _paper}
+_SUITES = {
+    "rooms": _rooms,
+    "completion": _completion,
+    "sensors": _sensors,
+    "labels": _labels,
+    "ablations": _ablations,
+    "paper": _paper,
+}

@@ -16,6 +16,9 @@ class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """UTC, ISO 8601."""
     seconds: float | None
     """Wall clock; null where a stopped run went on, whose first part nobody timed."""
+    stages: dict[str, float] = {}
+    """Seconds of each stage, in the order in which they ended; of what a continued run did itself. Empty in results
+    of before."""
     peak_memory_mb: float | None
     """MB = 10⁶ bytes; null where the run had no process of its own."""
     objects: int

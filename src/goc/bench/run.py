@@ -1,33 +1,41 @@
 """One run: carve or fuse, judge, keep the result."""
 
 import shlex
+import shutil
 import subprocess
 import sys
 import time
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
-from goc.bench.plan import TRANSFORMS, Run
+from goc.bench.plan import TRANSFORMS, Method, Run
 from goc.bench.result import Result
 from goc.capture import load_capture
+from goc.complete import CompleteConfig, complete_objects
 from goc.errors import BenchError
 from goc.evaluation import Evaluation, evaluate
+from goc.events import ignore
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 from goc.files import is_file, read_json, write_json, write_mesh
-from goc.runs import is_stopped_run
+from goc.runs import RunRecord, is_stopped_run
 
 RESULT = "result.json"
 _LOG = "carve.log"
 _CARVED = "carved"
 
 
+_CLOSED_BY: dict[Method, Literal["none", "hull", "lite"]] = {"fuse": "none", "fuse-hull": "hull", "fuse-lite": "lite"}
+
+
 class _Report(msgspec.Struct):
     """What is read of a run's report.json."""
 
     metrics: dict[str, float | None]
-    peak_memory_mb: float
+    seconds: dict[str, float]
+    peak_memory_mb: float | None
 
 
 def kept_result(folder: Path, run: Run) -> Result | None:
@@ -50,39 +58,35 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
     """
     own = folder / run.name
     own.mkdir(parents=True, exist_ok=True)
-    source = capture / TRANSFORMS[run.views]
-    command = ["goc", "carve", str(source), "--out", str(own / _CARVED), *run.words]
-    resumes = is_stopped_run(own / _CARVED)
+    source, made = capture / TRANSFORMS[run.views], own / _CARVED
+    command = ["goc", "carve", str(source), "--out", str(made), *run.words]
+    carves, resumes = run.method == "carve", is_stopped_run(made)
     started = time.perf_counter()
-    if run.method == "carve":
-        _carve([*command[1:], "--resume" if resumes else "--overwrite"], own)
+    if carves:
+        report = _carve([*command[1:], "--resume" if resumes else "--overwrite"], own)
     else:
-        _fuse(source, own / _CARVED)
+        report = _fuse(source, made, CompleteConfig(method=_CLOSED_BY[run.method]))
     seconds = time.perf_counter() - started
-    report = read_json(own / _CARVED / "report.json", _Report) if run.method == "carve" else None
-    scores = evaluate(own / _CARVED, truth, meshes="observed")
-    closed = any((own / _CARVED).glob("objects/*/mesh.ply"))
-    completed = flat_scores(evaluate(own / _CARVED, truth, meshes="completed")) if closed else {}
-    values = flat_scores(scores)
-    if report is not None:
-        values["psnr_db"] = report.metrics.get("held_out_psnr_db")
+    scores = evaluate(made, truth, meshes="observed")
+    closed = any(made.glob("objects/*/mesh.ply"))
     result = Result(
         run=run.name,
-        command=shlex.join(command) if run.method == "carve" else f"fused {source}",
+        command=shlex.join(command) if carves else f"fused {source}",
         commit=source_commit(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         seconds=None if resumes else round(seconds, 1),
-        peak_memory_mb=None if report is None else report.peak_memory_mb,
+        stages=report.seconds,
+        peak_memory_mb=report.peak_memory_mb,
         objects=scores.counts.objects,
         found=scores.counts.found,
-        values=values,
-        completed=completed,
+        values=flat_scores(scores) | {"psnr_db": report.metrics.get("held_out_psnr_db")},
+        completed=flat_scores(evaluate(made, truth, meshes="completed")) if closed else {},
     )
     write_json(own / RESULT, result)
     return result
 
 
-def _carve(words: list[str], own: Path) -> None:
+def _carve(words: list[str], own: Path) -> _Report:
     """In a process of its own, so that time and memory are the command's."""
     with (own / _LOG).open("a", encoding="utf-8") as log:
         done = subprocess.run(
@@ -93,13 +97,25 @@ def _carve(words: list[str], own: Path) -> None:
         raise BenchError(
             f"{own.name}: goc carve ended with {done.returncode}: {' '.join(last)} (all of it: {own / _LOG})"
         )
+    return read_json(own / _CARVED / "report.json", _Report)
 
 
-def _fuse(source: Path, out: Path) -> None:
-    capture = load_capture(source)
-    write_mesh(out / "scene" / "mesh.ply", fuse_scene(capture, ExtractConfig()))
-    for item in extract_objects(capture, ExtractConfig()):
-        write_mesh(out / "objects" / str(item.id) / "observed.ply", item.mesh)
+def _fuse(source: Path, out: Path, completion: CompleteConfig) -> _Report:
+    """Write the meshes that exact depth and ids give, laid out as `goc carve` does."""
+    record = RunRecord(ignore)
+    shutil.rmtree(out, ignore_errors=True)
+    with record.stage("capture"):
+        capture = load_capture(source)
+    with record.stage("extract"):
+        scene, objects = fuse_scene(capture, ExtractConfig()), extract_objects(capture, ExtractConfig())
+    with record.stage("complete"):
+        closed = complete_objects(objects, completion)
+    write_mesh(out / "scene" / "mesh.ply", scene)
+    for name, items in (("observed.ply", objects), ("mesh.ply", closed)):
+        for item in items:
+            write_mesh(out / "objects" / str(item.id) / name, item.mesh, item.observed)
+    seconds = {stage: round(took, 2) for stage, took in record.seconds.items()}
+    return _Report(metrics={}, seconds=seconds, peak_memory_mb=None)
 
 
 def flat_scores(scores: Evaluation) -> dict[str, float | None]:

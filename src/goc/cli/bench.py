@@ -20,7 +20,7 @@ were carved by another version of goc are kept too (their commit stands in resul
 
 examples:
   goc bench --suites rooms                                 a room made on the spot: needs no data
-  goc bench --data ../shared/data/bench --synth-rooms 0    all suites; hours on two cores
+  goc bench --data captures --synth-rooms 0                all suites; hours on two cores
   goc bench --data captures --suites rooms ablations --iterations 500 --max-side-px 256
                                                            a quick look"""
 
