@@ -35,8 +35,8 @@ from goc.geometry.isosurface import grid_surface
 from goc.geometry.surfaces import vertex_normals
 from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
 from goc.training.config import TrainConfig
-from goc.training.feed import Recipe
-from goc.training.samples import FeedConfig, TrainingBatch
+from goc.training.loader import BatchRecipe
+from goc.training.samples import LoaderConfig, TrainingBatch
 from goc.training.state import initial_state
 from goc.training.train import recipe, step
 
@@ -139,24 +139,24 @@ def completion_row(name: str, network: Network | None, repeats: int) -> dict[str
 def training_rows(name: str, network: Network, repeats: int) -> list[dict[str, object]]:
     """Time of one training step, and of making its batch; the paper's sizes with one object of 2,048 queries."""
     small = name != "lite"
-    feed = FeedConfig(batch=1, masks=1, reuse=1, queries=2048) if small else FeedConfig()
-    config = TrainConfig(size=name, steps=100, feed=feed)
+    loader = LoaderConfig(batch=1, masks=1, reuse=1, queries=2048) if small else LoaderConfig()
+    config = TrainConfig(size=name, steps=100, loader=loader)
     made = recipe(config)
     dealt = _batch(made)
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
     stepped = timed(lambda: step(network, state, dealt, config), repeats)
-    each = feed.reuse**2
+    each = loader.reuse**2
     pool = timed(lambda: made.pool(1), 1)
     pooled = Took(wall=pool.wall / each, cpu=pool.cpu / each)
-    shape = f"{feed.batch} objects x {feed.queries:,} queries"
+    shape = f"{loader.batch} objects x {loader.queries:,} queries"
     return [
         {"what": f"training step, {name}, {shape}", "took": stepped, "queries": []},
         {"what": f"its batch, one of {each} of a pool" if each > 1 else "its batch", "took": pooled, "queries": []},
     ]
 
 
-def _batch(made: Recipe) -> TrainingBatch:
-    return next(made.deal(made.pool(0), 0))
+def _batch(made: BatchRecipe) -> TrainingBatch:
+    return next(made.batches(made.pool(0), 0))
 
 
 def table(rows: list[dict[str, object]], product: Took) -> str:

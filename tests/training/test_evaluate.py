@@ -13,14 +13,14 @@ from goc.files import read_image, write_json, write_tensors
 from goc.geometry.topology import signed_volume, watertight_flaw
 from goc.scene import EvidenceGrid
 from goc.training import evaluate as evaluating
+from goc.training.baselines import completions, measured_object
 from goc.training.evaluate import GROUPS, EvalConfig, evaluate, means, score, table
-from goc.training.library import STEPS, Kept, Manifest
+from goc.training.library import STEPS, Manifest, PreparedShape
 from goc.training.masking import MaskConfig, mask
 from goc.training.primitives import Ellipsoid
-from goc.training.rivals import completions, measured_object
-from goc.training.solids import Part, paint
+from goc.training.watertight_shape import CsgPart, shape_from_parts
 
-BALL = paint([Part(body=Ellipsoid((1.0, 0.8, 0.9)), at=(0, 0, 0))], 40)
+BALL = shape_from_parts([CsgPart(body=Ellipsoid((1.0, 0.8, 0.9)), at=(0, 0, 0))], 40)
 LITE = build(LiteConfig(cells=16, fine=8, middle=16, width=24, blocks=1, heads=2, hidden=16)).eval()
 POINTS = build(OscConfig(encoder=1, decoder=1, width=16, heads=2, tokens=8, latent=4, points=32)).eval()
 UNTRAINED = ["nothing", "convex hull", "screened Poisson", "evidence hull"]
@@ -44,7 +44,7 @@ def coarse(masked):
 @pytest.fixture(scope="module")
 def half():
     """A ball in a few exact views from one side, and all that is made of it."""
-    config = MaskConfig(arc=1.0, room=0.0, noise=0.0, without_space=0.0, jitter=0.0, size_px=48)
+    config = MaskConfig(arc=1.0, room=0.0, noise=0.0, forget_empty=0.0, jitter=0.0, size_px=48)
     masked = coarse(mask(BALL, config, np.random.default_rng(3)))
     seen = measured_object(masked)
     return masked, seen, dict(completions(seen, masked, LITE, 0.5))
@@ -63,7 +63,7 @@ def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("prepared")
     steps = np.clip(np.rint(BALL.distance * (STEPS / BALL.voxel)), -127, 127).astype(np.int8)
     write_tensors(folder / "shapes-0000.safetensors", {"ball/distance": torch.from_numpy(steps)})
-    kept = Kept(
+    kept = PreparedShape(
         name="ball",
         split="val",
         shard="shapes-0000.safetensors",
@@ -84,8 +84,8 @@ def test_what_was_measured_is_open_and_lies_on_the_ball(half):
 
 def test_every_completion_is_watertight_and_none_beats_the_truth(half):
     masked, _, made = half
-    asked = evaluating._question(masked, 24)
-    scores = {name: score(closed, asked) for name, closed in made.items()}
+    target = evaluating._object_truth(masked, 24)
+    scores = {name: score(closed, target) for name, closed in made.items()}
     assert list(scores) == [*UNTRAINED, "network alone", "network", "perfect guess"]
     assert scores["nothing"].watertight == 0
     assert all(one.watertight == 1 for name, one in scores.items() if name not in ("nothing", "network alone"))
@@ -97,17 +97,17 @@ def test_every_completion_is_watertight_and_none_beats_the_truth(half):
 
 def test_the_convex_hull_of_half_a_ball_is_more_than_what_was_seen(half):
     masked, _, made = half
-    asked = evaluating._question(masked, 24)
-    nothing, convex = (score(made[name], asked) for name in ("nothing", "convex hull"))
+    target = evaluating._object_truth(masked, 24)
+    nothing, convex = (score(made[name], target) for name in ("nothing", "convex hull"))
     assert convex.iou > nothing.iou
 
 
 def test_iou_counts_what_the_mesh_holds(half):
     """The share of the cube that is inside the field is the volume of the mesh."""
     masked, _, made = half
-    asked = evaluating._question(masked, 48)
+    target = evaluating._object_truth(masked, 48)
     for name in ("evidence hull", "perfect guess"):
-        share = made[name].inside(asked.centres).mean() * 8
+        share = made[name].inside(target.centres).mean() * 8
         assert share == pytest.approx(signed_volume(made[name].mesh), rel=0.03)
 
 

@@ -5,17 +5,17 @@ import pytest
 
 from goc.complete import evidence_channels
 from goc.scene import Evidence
-from goc.training.masking import MaskConfig, _evidence, mask, spoil, take, visible
-from goc.training.placing import Placed
+from goc.training.masking import MaskConfig, _evidence, add_depth_noise, mask, render_view, visible
+from goc.training.placement import PlacedShape
 from goc.training.primitives import Box, Ellipsoid
-from goc.training.samples import FeedConfig, make_batch, true_distance
-from goc.training.shapes import random_solid
-from goc.training.solids import Part, paint
-from goc.training.surroundings import nothing_round, random_surroundings
+from goc.training.procedural import random_shape
+from goc.training.samples import LoaderConfig, make_batch, true_distance
+from goc.training.surroundings import no_surroundings, random_surroundings
 from goc.training.viewpoints import random_viewpoints
+from goc.training.watertight_shape import CsgPart, shape_from_parts
 
-BALL = paint([Part(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 48)
-EXACT = MaskConfig(noise=0.0, size_px=64, without_space=0.0)
+BALL = shape_from_parts([CsgPart(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 48)
+EXACT = MaskConfig(noise=0.0, size_px=64, forget_empty=0.0)
 
 
 def masked(solid, config, seed):
@@ -26,9 +26,9 @@ def grid_points(evidence):
     return evidence.origin + evidence.voxel * np.argwhere(np.ones(evidence.state.shape, bool))
 
 
-@pytest.mark.parametrize("config", [EXACT, MaskConfig(noise=0.0, arc=0.0, room=1.0, size_px=64, without_space=0.0)])
+@pytest.mark.parametrize("config", [EXACT, MaskConfig(noise=0.0, arc=0.0, room=1.0, size_px=64, forget_empty=0.0)])
 def test_exact_evidence_agrees_with_the_truth(config):
-    looks = [masked(random_solid(np.random.default_rng(seed), 48), config, seed) for seed in range(4)]
+    looks = [masked(random_shape(np.random.default_rng(seed), 48), config, seed) for seed in range(4)]
     for look in (look for look in looks if look is not None):
         evidence = look.partial.evidence
         distance = true_distance(look, grid_points(evidence).astype(np.float32)).reshape(evidence.state.shape)
@@ -60,9 +60,9 @@ def test_the_other_strategies_of_table_6_keep_points_on_all_sides(strategy):
 
 
 def test_points_behind_the_object_or_out_of_the_image_are_not_visible():
-    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
-    at = random_viewpoints(placed.box(), nothing_round(), "arc", 1, 64, np.random.default_rng(0))[0]
-    view = take(placed, nothing_round(), at)
+    placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    at = random_viewpoints(placed.box(), no_surroundings(), "arc", 1, 64, np.random.default_rng(0))[0]
+    view = render_view(placed, no_surroundings(), at)
     towards = at.world_from_cam[:3, 3] - [0, 0, 0.5]
     towards /= np.linalg.norm(towards)
     near, far = np.array([0, 0, 0.5]) + 0.5 * towards, np.array([0, 0, 0.5]) - 0.5 * towards
@@ -71,12 +71,14 @@ def test_points_behind_the_object_or_out_of_the_image_are_not_visible():
 
 
 def test_forgotten_space_leaves_no_empty_voxel():
-    look = masked(BALL, MaskConfig(without_space=1.0), 2)
+    look = masked(BALL, MaskConfig(forget_empty=1.0), 2)
     assert (look.partial.evidence.state != Evidence.EMPTY).all()
 
 
 def test_no_camera_stands_behind_a_wall_or_below_the_floor():
-    placed = Placed(solid=paint([Part(body=Box((2, 1, 1)), at=(0, 0, 0))], 32), matrix=np.eye(3), shift=np.zeros(3))
+    placed = PlacedShape(
+        shape=shape_from_parts([CsgPart(body=Box((2, 1, 1)), at=(0, 0, 0))], 32), matrix=np.eye(3), shift=np.zeros(3)
+    )
     for seed in range(8):
         random = np.random.default_rng(seed)
         around = random_surroundings(placed, 0.3, random)
@@ -87,8 +89,8 @@ def test_no_camera_stands_behind_a_wall_or_below_the_floor():
 
 
 def test_projection_is_the_inverse_of_the_rays():
-    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
-    at = random_viewpoints(placed.box(), nothing_round(), "round", 1, 8, np.random.default_rng(4))[0]
+    placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    at = random_viewpoints(placed.box(), no_surroundings(), "sphere", 1, 8, np.random.default_rng(4))[0]
     origins, directions = at.rays()
     pixels, depth = at.project(origins + 2.5 * directions)
     np.testing.assert_allclose(depth, 2.5, atol=1e-9)
@@ -99,10 +101,10 @@ def test_projection_is_the_inverse_of_the_rays():
 def test_holes_and_rays_into_nothing_erase_no_evidence():
     """A pixel without depth says nothing: what other pixels and views measured stays."""
     random = np.random.default_rng(3)
-    placed = Placed(solid=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
     views = [
-        take(placed, nothing_round(), at)
-        for at in random_viewpoints(placed.box(), nothing_round(), "round", 6, 48, random)
+        render_view(placed, no_surroundings(), at)
+        for at in random_viewpoints(placed.box(), no_surroundings(), "sphere", 6, 48, random)
     ]
     seen = placed.surface(2000, 0)[0]
 
@@ -113,17 +115,17 @@ def test_holes_and_rays_into_nothing_erase_no_evidence():
     for view in views:
         holes = random.random(view.depth.shape) < 0.3
         holed.append(replace(view, depth=np.where(holes, np.float32(np.nan), view.depth)))
-    spoilt = [replace(view, slope=np.where(np.isnan(view.depth), np.float32(np.nan), view.slope)) for view in holed]
-    whole, left = surface(views), surface(spoilt)
+    noisy = [replace(view, slope=np.where(np.isnan(view.depth), np.float32(np.nan), view.slope)) for view in holed]
+    whole, left = surface(views), surface(noisy)
     assert whole.sum() > 2000
     assert (left & whole).sum() > 0.7 * whole.sum()  # some voxels had one ray alone
-    assert all(np.isnan(view.slope[np.isnan(view.depth)]).all() for view in spoil(holed, placed, 1.0, random))
+    assert all(np.isnan(view.slope[np.isnan(view.depth)]).all() for view in add_depth_noise(holed, placed, 1.0, random))
 
 
 def test_batches_depend_on_their_number_alone():
-    feed = FeedConfig(batch=2, masks=2, queries=256, resolution=32)
-    draw = lambda random: random_solid(random, 32)  # noqa: E731
-    one, other, next_ = (make_batch(draw, feed, MaskConfig(size_px=32), 16, (0, n)) for n in (7, 7, 8))
+    loader = LoaderConfig(batch=2, masks=2, queries=256, resolution=32)
+    draw = lambda random: random_shape(random, 32)  # noqa: E731
+    one, other, next_ = (make_batch(draw, loader, MaskConfig(size_px=32), 16, (0, n)) for n in (7, 7, 8))
     assert one.seen.evidence.shape == (2, 4, 16, 16, 16)
     assert one.queries.shape == (2, 256, 3) and one.distance.shape == (2, 256)
     assert (one.queries == other.queries).all() and (one.seen.evidence == other.seen.evidence).all()
@@ -135,7 +137,7 @@ def test_batches_depend_on_their_number_alone():
 def test_queries_are_where_something_is_to_be_decided():
     look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=1.0), 5)
     channels = evidence_channels(look.partial.evidence, 16)
-    batch = make_batch(lambda _: BALL, FeedConfig(batch=1, masks=1, queries=2000), MaskConfig(), 16, (1,))
+    batch = make_batch(lambda _: BALL, LoaderConfig(batch=1, masks=1, queries=2000), MaskConfig(), 16, (1,))
     near = batch.distance.abs() < 0.1
     assert near.float().mean() > 0.4
     assert channels.shape == (4, 16, 16, 16)

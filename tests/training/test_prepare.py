@@ -7,7 +7,7 @@ from goc.errors import TrainError
 from goc.files import write_mesh
 from goc.scene import Mesh
 from goc.training import prepare as preparing
-from goc.training.library import Library
+from goc.training.library import ShapeLibrary
 from goc.training.prepare import PrepareConfig, find_meshes, prepare
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
@@ -37,7 +37,7 @@ def test_good_meshes_are_kept_and_bad_ones_told(meshes, tmp_path):
     assert [mesh.name for mesh in manifest.dropped] == ["broken"]
     assert "broken.ply" in manifest.dropped[0].why
     assert heard[-1].done == heard[-1].total == 3
-    library = Library(tmp_path / "out", "train")
+    library = ShapeLibrary(tmp_path / "out", "train")
     by_name = {shape.name: library[i] for i, shape in enumerate(library.shapes)}
     inside = by_name["slab"].distances(np.array([[0.0, 0, 0.07], [0, 0, 0.3], [0.45, 0.2, 0.05]]))
     assert (inside < 0).tolist() == [True, False, True]
@@ -53,7 +53,7 @@ def test_a_second_run_does_what_is_left(meshes, tmp_path, monkeypatch):
     manifest = prepare(meshes, tmp_path / "out", COARSE)
     assert [source.name for source in asked[0]] == ["tower"]
     assert len(manifest.kept) == 3
-    assert len(Library(tmp_path / "out", "train")) == 3
+    assert len(ShapeLibrary(tmp_path / "out", "train")) == 3
 
 
 def test_a_mesh_that_takes_too_long_is_given_up(meshes, tmp_path):
@@ -84,7 +84,7 @@ def test_what_is_not_there_is_refused(tmp_path):
     with pytest.raises(TrainError, match="holds no meshes"):
         find_meshes(tmp_path)
     with pytest.raises(TrainError, match="Make it with"):
-        Library(tmp_path, "train")
+        ShapeLibrary(tmp_path, "train")
     (tmp_path / "manifest.json").write_text('{"kept": [], "dropped": []}')
     with pytest.raises(TrainError, match="is of split val"):
-        Library(tmp_path, "val")
+        ShapeLibrary(tmp_path, "val")

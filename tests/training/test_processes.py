@@ -10,9 +10,9 @@ import torch
 from goc.complete import LiteConfig, PartialBatch, build
 from goc.files import read_tensors
 from goc.training.config import OptimiserConfig, TrainConfig
-from goc.training.feed import batches
+from goc.training.loader import batches
 from goc.training.masking import MaskConfig
-from goc.training.samples import FeedConfig, TrainingBatch
+from goc.training.samples import LoaderConfig, TrainingBatch
 from goc.training.state import initial_state
 from goc.training.train import STATE, recipe, step
 
@@ -20,7 +20,7 @@ SMALL = LiteConfig(cells=16, fine=16, middle=16, width=32, blocks=1, heads=2, hi
 CONFIG = TrainConfig(
     steps=1,
     workers=0,
-    feed=FeedConfig(batch=1, masks=1, reuse=1, queries=128, resolution=32),
+    loader=LoaderConfig(batch=1, masks=1, reuse=1, queries=128, resolution=32),
     masking=MaskConfig(size_px=32),
     optimiser=OptimiserConfig(bf16=False),
 )
@@ -31,13 +31,13 @@ from goc.complete import LiteConfig
 from goc.training import train as training
 from goc.training.config import OptimiserConfig, TrainConfig
 from goc.training.masking import MaskConfig
-from goc.training.samples import FeedConfig
+from goc.training.samples import LoaderConfig
 from goc.training.losses import LossConfig
 
 torch.set_num_threads(1)
 small, config = (eval(text) for text in sys.argv[2:4])
 TrainConfig.network = lambda self: small
-training._HELD_OUT = 1
+training._VALIDATION_SHAPES = 1
 training.train(Path(sys.argv[1]), config)
 """
 

@@ -5,8 +5,8 @@ import torch
 from goc.complete import PartialBatch, cell_centres
 from goc.complete.symmetry import POSES
 from goc.errors import ConfigError
-from goc.training.reuse import deal, posed
-from goc.training.samples import FeedConfig, TrainingBatch
+from goc.training.reuse import posed, split_pool
+from goc.training.samples import LoaderConfig, TrainingBatch
 
 CELLS = 8
 
@@ -49,7 +49,7 @@ def test_evidence_points_and_queries_turn_together(pose):
 
 def test_every_mask_is_used_alike_and_every_query_once():
     whole, reuse = pool(objects=6, queries=9), 3
-    dealt = list(deal(whole, reuse, (1,)))
+    dealt = list(split_pool(whole, reuse, (1,)))
     assert len(dealt) == reuse**2 and all(batch.queries.shape == (2, 3, 3) for batch in dealt)
     answers = torch.cat([batch.distance.ravel() for batch in dealt])
     assert torch.equal(answers.sort().values, whole.distance.ravel().sort().values)
@@ -61,16 +61,16 @@ def test_every_mask_is_used_alike_and_every_query_once():
 
 def test_no_mask_comes_twice_in_one_pose():
     whole = pool(objects=8, queries=8)
-    shown = [tuple(e.ravel().tolist()) for batch in deal(whole, 8, (2,)) for e in batch.seen.evidence]
+    shown = [tuple(e.ravel().tolist()) for batch in split_pool(whole, 8, (2,)) for e in batch.seen.evidence]
     assert len(set(shown)) == len(shown) == 64
 
 
 def test_the_same_seed_deals_the_same():
-    one, same, other = (next(deal(pool(), 2, seed)) for seed in ((3,), (3,), (4,)))
+    one, same, other = (next(split_pool(pool(), 2, seed)) for seed in ((3,), (3,), (4,)))
     assert torch.equal(one.queries, same.queries) and not torch.equal(one.queries, other.queries)
 
 
 @pytest.mark.parametrize("reuse", [0, 9])
 def test_more_uses_than_poses_are_refused(reuse):
-    with pytest.raises(ConfigError, match=f"--feed.reuse is {reuse}: needs 1 to 8"):
-        FeedConfig(reuse=reuse)
+    with pytest.raises(ConfigError, match=f"--loader.reuse is {reuse}: needs 1 to 8"):
+        LoaderConfig(reuse=reuse)

@@ -12,19 +12,19 @@ from goc.events import Progress, Warned
 from goc.files import read_tensors
 from goc.training import train as training
 from goc.training.config import OptimiserConfig, TrainConfig
-from goc.training.feed import Recipe, batches
+from goc.training.loader import BatchRecipe, batches
 from goc.training.losses import LossConfig, hard_iou
 from goc.training.masking import MaskConfig
 from goc.training.primitives import Box, Cylinder
-from goc.training.samples import FeedConfig, make_batch
-from goc.training.solids import Part, paint
+from goc.training.samples import LoaderConfig, make_batch
 from goc.training.state import initial_state
 from goc.training.train import rate_factor, step, train
+from goc.training.watertight_shape import CsgPart, shape_from_parts
 
-STOOL = paint(
+STOOL = shape_from_parts(
     [
-        Part(body=Cylinder(0.5, 0.2), at=(0, 0, 0.9)),
-        *(Part(body=Box((0.12, 0.12, 0.9)), at=(x, y, 0.45)) for x in (-0.3, 0.3) for y in (-0.3, 0.3)),
+        CsgPart(body=Cylinder(0.5, 0.2), at=(0, 0, 0.9)),
+        *(CsgPart(body=Box((0.12, 0.12, 0.9)), at=(x, y, 0.45)) for x in (-0.3, 0.3) for y in (-0.3, 0.3)),
     ],
     48,
 )
@@ -32,8 +32,8 @@ SMALL = LiteConfig(cells=16, fine=16, middle=16, width=32, blocks=1, heads=2, hi
 TINY = TrainConfig(
     steps=4,
     workers=0,
-    look_every=3,
-    feed=FeedConfig(batch=1, masks=1, queries=128, resolution=32),
+    validate_every=3,
+    loader=LoaderConfig(batch=1, masks=1, queries=128, resolution=32),
     masking=MaskConfig(size_px=32),
     optimiser=OptimiserConfig(bf16=False),
 )
@@ -43,7 +43,7 @@ TINY = TrainConfig(
 def tiny(monkeypatch):
     """Trainings of a network that takes no time."""
     monkeypatch.setattr(TrainConfig, "network", lambda self: SMALL)
-    monkeypatch.setattr(training, "_HELD_OUT", 2)
+    monkeypatch.setattr(training, "_VALIDATION_SHAPES", 2)
 
 
 def train_on(network, batch, steps, rate):
@@ -57,7 +57,7 @@ def test_osc_s_learns():
     network = Osc(replace(SIZES["S"], tokens=32, points=128))
     batch = make_batch(
         lambda _: STOOL,
-        FeedConfig(batch=1, masks=1, queries=256),
+        LoaderConfig(batch=1, masks=1, queries=256),
         MaskConfig(noise=0.0, size_px=32, points=128),
         cells=8,
         seed=(0,),
@@ -68,8 +68,8 @@ def test_osc_s_learns():
 
 def test_lite_overfits_one_shape():
     network = build(SMALL)
-    feed, masking = FeedConfig(batch=2, masks=2, queries=1024), MaskConfig(noise=0.0, size_px=48)
-    batch = make_batch(lambda _: STOOL, feed, masking, cells=16, seed=(1,))
+    loader, masking = LoaderConfig(batch=2, masks=2, queries=1024), MaskConfig(noise=0.0, size_px=48)
+    batch = make_batch(lambda _: STOOL, loader, masking, cells=16, seed=(1,))
     losses, _ = train_on(network, batch, steps=120, rate=1e-2)
     assert losses[-1] < 0.4 * losses[0]
     logits, _ = network(batch.seen, batch.queries)
@@ -101,7 +101,7 @@ def test_resuming_is_bit_equal(tmp_path, tiny, monkeypatch):
         train(tmp_path / "parts", TINY)
     monkeypatch.undo()
     monkeypatch.setattr(TrainConfig, "network", lambda self: SMALL)
-    monkeypatch.setattr(training, "_HELD_OUT", 2)
+    monkeypatch.setattr(training, "_VALIDATION_SHAPES", 2)
     train(tmp_path / "parts", TINY)
     whole, parts = (read_tensors(tmp_path / name / training.STATE)[0] for name in ("whole", "parts"))
     for name, value in whole.items():
@@ -114,14 +114,14 @@ def test_a_training_tells_how_it_goes(tmp_path, tiny):
     done = [event.done for event in heard if isinstance(event, Progress) and event.stage == "train"]
     assert done == [1, 2, 3, 4]
     lines = [msgspec.json.decode(line) for line in (tmp_path / "curves.jsonl").read_bytes().splitlines()]
-    assert any("held_out/iou" in line for line in lines) and any("train/loss" in line for line in lines)
+    assert any("validation/iou" in line for line in lines) and any("train/loss" in line for line in lines)
     assert (tmp_path / "completions.png").is_file()
     assert all(isinstance(event, Progress | Warned) for event in heard)
 
 
 def test_a_loss_that_is_not_finite_stops_the_training():
     network = build(SMALL)
-    batch = make_batch(lambda _: STOOL, FeedConfig(batch=1, queries=64), MaskConfig(size_px=32), cells=16, seed=(1,))
+    batch = make_batch(lambda _: STOOL, LoaderConfig(batch=1, queries=64), MaskConfig(size_px=32), cells=16, seed=(1,))
     torch.nn.init.constant_(network.stem.weight, float("nan"))
     with pytest.raises(TrainError, match="not finite at step 0"):
         train_on(network, batch, steps=1, rate=1e-3)
@@ -141,8 +141,8 @@ def first_batches(recipe, first, count, **place):
 
 @pytest.mark.parametrize("reuse", [1, 2])
 def test_workers_give_the_batches_in_order(reuse):
-    feed = replace(TINY.feed, reuse=reuse)
-    recipe = Recipe(feed=feed, masking=TINY.masking, cells=16, data=None, seed=0)
+    loader = replace(TINY.loader, reuse=reuse)
+    recipe = BatchRecipe(loader=loader, masking=TINY.masking, cells=16, data=None, seed=0)
     here = first_batches(recipe, 3, 3, workers=0)
     there = first_batches(recipe, 3, 3, workers=1)
     assert all(torch.equal(a.queries, b.queries) for a, b in zip(here, there, strict=True))
@@ -151,7 +151,7 @@ def test_workers_give_the_batches_in_order(reuse):
 
 
 def test_processes_have_masks_of_their_own():
-    recipe = Recipe(feed=replace(TINY.feed, reuse=2), masking=TINY.masking, cells=16, data=None, seed=0)
+    recipe = BatchRecipe(loader=replace(TINY.loader, reuse=2), masking=TINY.masking, cells=16, data=None, seed=0)
     mine, theirs = (first_batches(recipe, 0, 8, workers=0, rank=rank, world=2) for rank in (0, 1))
     evidence = {float(batch.seen.evidence.double().square().sum()) for batch in mine}
     assert evidence.isdisjoint(float(batch.seen.evidence.double().square().sum()) for batch in theirs)

@@ -8,7 +8,7 @@ from goc.complete import SIZES, LiteConfig, OscConfig
 from goc.errors import ConfigError
 from goc.training.losses import LossConfig
 from goc.training.masking import MaskConfig
-from goc.training.samples import FeedConfig
+from goc.training.samples import LoaderConfig
 
 Size = Literal["lite", "S", "M", "L", "L164"]
 
@@ -25,7 +25,7 @@ class OptimiserConfig:
     """Weight decay."""
     clip: float = 1.0
     """Largest norm of the gradient."""
-    average: float = 0.999
+    ema_decay: float = 0.999
     """Share of the old weights in the running mean that is used in the end; less in the first steps."""
     bf16: bool = True
     """Multiply in bfloat16: twice as fast on CPUs that can (measured), and on GPUs."""
@@ -47,11 +47,11 @@ class TrainConfig:
     """Processes that make batches; 0 makes them between steps."""
     save_every: float = 60.0
     """Seconds between checkpoints."""
-    look_every: int = 500
+    validate_every: int = 500
     """Steps between pictures and scores on fixed held-out masks."""
     seed: int = 0
     """Of weights, shapes, masks and samples."""
-    feed: FeedConfig = field(default_factory=FeedConfig)
+    loader: LoaderConfig = field(default_factory=LoaderConfig)
     masking: MaskConfig = field(default_factory=MaskConfig)
     losses: LossConfig = field(default_factory=LossConfig)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)

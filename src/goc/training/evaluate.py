@@ -12,12 +12,12 @@ from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_score
 from goc.events import Listener, Progress, ignore
 from goc.geometry.topology import is_watertight
 from goc.scene import Evidence, EvidenceGrid, ObjectMesh
+from goc.training.baselines import Completion, completions, measured_object
+from goc.training.contact_sheet import ContactSheet
 from goc.training.library import open_library
-from goc.training.masking import MaskConfig, Masked, mask
-from goc.training.rivals import Closed, completions, measured_object
+from goc.training.masking import MaskConfig, MaskedObject, mask
 from goc.training.samples import true_distance
-from goc.training.sheet import Sheet
-from goc.training.solids import Solid
+from goc.training.watertight_shape import WatertightShape
 
 GROUPS = {"complete": (7, 99), "1-3 views": (1, 3), "4-6 views": (4, 6), "room": (7, 99)}
 """Kinds of input, and how many views each may have."""
@@ -67,20 +67,20 @@ class CompletionScore:
     normal_consistency: float
     watertight: float
     """1 if the mesh is, 0 if not."""
-    decided_right: float
+    unknown_accuracy: float
     """Share of the cells of the true box that evidence left undecided and that are called rightly."""
     seconds: float
     """From evidence to mesh."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Question:
+class ObjectTruth:
     """The truth about one mask, in the frame of its cube."""
 
     centres: Float32[np.ndarray, "p 3"]
     """Of the cells of the cube."""
     inside: Bool[np.ndarray, "p"]
-    open: Bool[np.ndarray, "p"]
+    undecided: Bool[np.ndarray, "p"]
     """Cells in the true box that evidence leaves undecided."""
     surface: SurfaceSamples
     longest: float
@@ -88,7 +88,7 @@ class Question:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Outcome:
+class MethodScore:
     """One method on one mask."""
 
     shape: str
@@ -99,7 +99,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class MeanScores:
     """Mean scores of one method on one group of masks."""
 
     group: str
@@ -111,15 +111,15 @@ class Row:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Report:
+class CompletionReport:
     """All that an evaluation found."""
 
     config: EvalConfig
     shapes: int
     floor: float
     """Mean distance between two samplings of the same true surface: no CD mean says less than this."""
-    rows: tuple[Row, ...]
-    outcomes: tuple[Outcome, ...]
+    rows: tuple[MeanScores, ...]
+    outcomes: tuple[MethodScore, ...]
 
 
 def evaluate(
@@ -128,7 +128,7 @@ def evaluate(
     config: EvalConfig,
     notify: Listener = ignore,
     pictures: Path | None = None,
-) -> Report:
+) -> CompletionReport:
     """Score the shapes of split val in a prepared folder.
 
     Args:
@@ -145,28 +145,28 @@ def evaluate(
     count = min(config.shapes or len(library), len(library))
     chosen = [int(index) for index in np.linspace(0, len(library) - 1, count).round()]
     pictured = set(chosen[:: max(1, count // _PICTURED)][:_PICTURED])
-    sheet, floors = Sheet(), []
-    found: list[Outcome] = []
+    contact_sheet, floors = ContactSheet(), []
+    found: list[MethodScore] = []
     for done, index in enumerate(chosen):
         name = library.shapes[index].name
         for group, masked, seen in _cases(library[index], config, index):
-            asked = _question(masked, config.cells)
-            floors.append(surface_scores(true_samples(masked, 2), asked.surface).chamfer / asked.longest)
+            target = _object_truth(masked, config.cells)
+            floors.append(surface_scores(true_surface_samples(masked, 2), target.surface).chamfer / target.longest)
             made = dict(completions(seen, masked, network, config.threshold))
             found += [
-                Outcome(shape=name, group=group, views=masked.views, method=method, score=score(closed, asked))
+                MethodScore(shape=name, group=group, views=masked.views, method=method, score=score(closed, target))
                 for method, closed in made.items()
             ]
             if pictures is not None and index in pictured:
-                sheet.add(f"{name}, {group}", seen, made, masked)
+                contact_sheet.add(f"{name}, {group}", seen, made, masked)
         notify(Progress(stage="evaluate", done=done + 1, total=count))
     if pictures is not None:
-        sheet.write(pictures)
+        contact_sheet.write(pictures)
     floor = float(np.mean(floors)) if floors else float("nan")
-    return Report(config=config, shapes=count, floor=floor, rows=means(found), outcomes=tuple(found))
+    return CompletionReport(config=config, shapes=count, floor=floor, rows=means(found), outcomes=tuple(found))
 
 
-def _cases(solid: Solid, config: EvalConfig, index: int) -> Iterator[tuple[str, Masked, ObjectMesh]]:
+def _cases(solid: WatertightShape, config: EvalConfig, index: int) -> Iterator[tuple[str, MaskedObject, ObjectMesh]]:
     for number in range(config.masks):
         group = list(GROUPS)[number % len(GROUPS)]
         fewest, most = GROUPS[group]
@@ -181,44 +181,44 @@ def _cases(solid: Solid, config: EvalConfig, index: int) -> Iterator[tuple[str, 
 
 def _masking(group: str, config: EvalConfig) -> MaskConfig:
     if group == "complete":
-        return MaskConfig(strategy="none", size_px=_SHARP_PX, noise=0.0, without_space=0.0, jitter=0.0)
+        return MaskConfig(strategy="none", size_px=_SHARP_PX, noise=0.0, forget_empty=0.0, jitter=0.0)
     return MaskConfig(
         arc=0.0 if group == "room" else 1.0,
         room=1.0 if group == "room" else 0.0,
         noise=config.noise,
-        without_space=0.0,
+        forget_empty=0.0,
         jitter=0.0,
     )
 
 
-def _question(masked: Masked, cells: int) -> Question:
+def _object_truth(masked: MaskedObject, cells: int) -> ObjectTruth:
     centres = cell_centres(cells).reshape(-1, 3)
-    truth = true_samples(masked, 1)
+    truth = true_surface_samples(masked, 1)
     low, high = truth.points.min(axis=0), truth.points.max(axis=0)
     within = ((centres >= low) & (centres <= high)).all(axis=1)
-    return Question(
+    return ObjectTruth(
         centres=centres,
         inside=true_distance(masked, centres) < 0,
-        open=within & ~_decided(masked.partial.evidence, centres),
+        undecided=within & ~_decided(masked.partial.evidence, centres),
         surface=truth,
         longest=float((high - low).max()),
     )
 
 
-def true_samples(masked: Masked, seed: int) -> SurfaceSamples:
+def true_surface_samples(masked: MaskedObject, seed: int) -> SurfaceSamples:
     """The true surface, in the frame of the cube."""
     points, normals = masked.placed.surface(SAMPLES, seed)
     return SurfaceSamples(points=masked.cube.model_from_world(points).astype(np.float64), normals=normals)
 
 
-def score(closed: Closed, asked: Question) -> CompletionScore:
+def score(closed: Completion, target: ObjectTruth) -> CompletionScore:
     """One method's answer against the truth."""
-    inside, longest = closed.inside(asked.centres), asked.longest
+    inside, longest = closed.inside(target.centres), target.longest
     samples = sample_surface(closed.mesh, SAMPLES) if len(closed.mesh.faces) else None
-    surface = surface_scores(samples, asked.surface, thresholds=(_NEAR * longest, _WIDE * longest))
+    surface = surface_scores(samples, target.surface, thresholds=(_NEAR * longest, _WIDE * longest))
     f_1, f_2 = surface.f_score.values()
     return CompletionScore(
-        iou=float((inside & asked.inside).sum() / max((inside | asked.inside).sum(), 1)),
+        iou=float((inside & target.inside).sum() / max((inside | target.inside).sum(), 1)),
         accuracy=surface.accuracy / longest,
         completion=surface.completion / longest,
         chamfer_mean=surface.chamfer / longest,
@@ -227,7 +227,7 @@ def score(closed: Closed, asked: Question) -> CompletionScore:
         f_2=f_2,
         normal_consistency=surface.normal_consistency,
         watertight=float(is_watertight(closed.mesh)),
-        decided_right=float((inside == asked.inside)[asked.open].mean()) if asked.open.any() else 1.0,
+        unknown_accuracy=float((inside == target.inside)[target.undecided].mean()) if target.undecided.any() else 1.0,
         seconds=closed.seconds,
     )
 
@@ -240,7 +240,7 @@ def _decided(evidence: EvidenceGrid, points: np.ndarray) -> np.ndarray:
     return known & ((at >= 0) & (at <= top)).all(axis=1)
 
 
-def means(found: Sequence[Outcome]) -> tuple[Row, ...]:
+def means(found: Sequence[MethodScore]) -> tuple[MeanScores, ...]:
     """Mean scores by group and method; each mask counts once."""
     rows = []
     partial = [group for group in GROUPS if group != "complete"]
@@ -255,14 +255,16 @@ def means(found: Sequence[Outcome]) -> tuple[Row, ...]:
                 key: float(np.mean([one[key] for one in (made if key in lengths else own)] or [np.inf]))
                 for key in own[0]
             }
-            rows.append(Row(group=name, method=method, count=len(own), empty=len(own) - len(made), scores=scores))
+            rows.append(
+                MeanScores(group=name, method=method, count=len(own), empty=len(own) - len(made), scores=scores)
+            )
     return tuple(rows)
 
 
-_COLUMNS = ("IoU", "Acc", "Comp", "CD mean", "CD sum", "F@1%", "F@2%", "NC", "watertight", "undecided right", "s")
+_COLUMNS = ("IoU", "Acc", "Comp", "CD mean", "CD sum", "F@1%", "F@2%", "NC", "watertight", "unknown accuracy", "s")
 
 
-def table(report: Report) -> str:
+def table(report: CompletionReport) -> str:
     """The rows as a Markdown table, and below it what its figures mean."""
     lines = [
         "| input | method | masks | " + " | ".join(_COLUMNS) + " |",
@@ -272,7 +274,7 @@ def table(report: Report) -> str:
     return "\n".join(lines) + "\n\n" + foot(report)
 
 
-def _line(row: Row) -> str:
+def _line(row: MeanScores) -> str:
     count = f"{row.count}" if not row.empty else f"{row.count} ({row.empty} empty)"
     score = row.scores
     cells = [
@@ -280,13 +282,13 @@ def _line(row: Row) -> str:
         *(f"{score[key]:.4f}" for key in ("accuracy", "completion", "chamfer_mean", "chamfer_sum")),
         *(f"{score[key]:.3f}" for key in ("f_1", "f_2", "normal_consistency")),
         f"{score['watertight']:.1%}",
-        f"{score['decided_right']:.3f}",
+        f"{score['unknown_accuracy']:.3f}",
         f"{score['seconds']:.2f}",
     ]
     return f"| {row.group} | {row.method} | {count} | " + " | ".join(cells) + " |"
 
 
-def foot(report: Report) -> str:
+def foot(report: CompletionReport) -> str:
     """What the figures mean, and under which settings they were taken."""
     config = report.config
     lines = (
@@ -298,7 +300,8 @@ def foot(report: Report) -> str:
         f"{SAMPLES:,} area-uniform samples a side: two samplings of one surface have a CD mean of {report.floor:.4f}.",
         "F@1% of the longest side is the F@0.02 of shapes that fill [-1, 1]. NC: mean |cos|. watertight: share of "
         "meshes with two faces an edge, consistent winding, no empty face, positive volume.",
-        "undecided right: cells of the true box that no ray decided. s: from evidence to mesh, with whatever else ran.",
+        "unknown accuracy: over cells of the true box that no ray decided. s: "
+        "from evidence to mesh, whatever else ran.",
         f"complete: 20 views all round of {_SHARP_PX}² pixels, exact depth. Others: 72² pixels, noise "
         f"{config.noise:g}, surroundings that hide. Meshes on the evidence's own voxels, 86 to 104 along its longest "
         "side.",

@@ -11,14 +11,14 @@ from safetensors import safe_open
 
 from goc.errors import TrainError
 from goc.files import is_file, read_json
-from goc.training.solids import BAND, Solid
+from goc.training.watertight_shape import BAND, WatertightShape
 
 MANIFEST = "manifest.json"
 STEPS = 127.0 / BAND
 """Stored steps a voxel of signed distance: int8 spans the band."""
 
 
-class Kept(msgspec.Struct, kw_only=True, frozen=True):
+class PreparedShape(msgspec.Struct, kw_only=True, frozen=True):
     """A prepared shape, in the manifest."""
 
     name: str
@@ -31,7 +31,7 @@ class Kept(msgspec.Struct, kw_only=True, frozen=True):
     seconds: float = 0.0
 
 
-class Dropped(msgspec.Struct, kw_only=True, frozen=True):
+class SkippedMesh(msgspec.Struct, kw_only=True, frozen=True):
     """A mesh that was left out, and why."""
 
     name: str
@@ -41,17 +41,17 @@ class Dropped(msgspec.Struct, kw_only=True, frozen=True):
 class Manifest(msgspec.Struct, kw_only=True):
     """What a folder of prepared shapes holds."""
 
-    kept: list[Kept] = msgspec.field(default_factory=list)
-    dropped: list[Dropped] = msgspec.field(default_factory=list)
+    kept: list[PreparedShape] = msgspec.field(default_factory=list)
+    dropped: list[SkippedMesh] = msgspec.field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False)
-class Library:
+class ShapeLibrary:
     """The shapes of one split of a prepared folder; shards stay on disk, mapped."""
 
     folder: Path
     split: Literal["train", "val"]
-    shapes: tuple[Kept, ...] = field(init=False)
+    shapes: tuple[PreparedShape, ...] = field(init=False)
 
     def __post_init__(self) -> None:
         path = self.folder / MANIFEST
@@ -65,7 +65,7 @@ class Library:
     def __len__(self) -> int:
         return len(self.shapes)
 
-    def __getitem__(self, index: int) -> Solid:
+    def __getitem__(self, index: int) -> WatertightShape:
         shape = self.shapes[index]
         path = self.folder / shape.shard
         try:
@@ -73,7 +73,7 @@ class Library:
                 steps = file.get_tensor(f"{shape.name}/distance")
         except Exception as error:  # safetensors raises its own, the system's and Rust's
             raise TrainError(f"{path}: cannot be read ({error}). Delete it and prepare again.") from error
-        return Solid(
+        return WatertightShape(
             distance=steps.astype(np.float32) * np.float32(shape.voxel / STEPS),
             origin=np.array(shape.origin, np.float64),
             voxel=shape.voxel,
@@ -81,6 +81,6 @@ class Library:
 
 
 @lru_cache(maxsize=4)
-def open_library(folder: Path, split: Literal["train", "val"]) -> Library:
+def open_library(folder: Path, split: Literal["train", "val"]) -> ShapeLibrary:
     """A library, opened once a process."""
-    return Library(folder, split)
+    return ShapeLibrary(folder, split)

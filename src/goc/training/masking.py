@@ -1,6 +1,6 @@
 """What cameras leave of an object: the paper's visible mask, with the evidence that the same cameras give.
 
-Depth is ray-cast, spoilt as splats and sensors spoil it, and fused by the code that fuses real captures.
+Depth is ray-cast, noisy as splats and sensors spoil it, and fused by the code that fuses real captures.
 """
 
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import Volume
 from goc.scene import Evidence, EvidenceGrid
 from goc.synth.noise import fractal_noise
-from goc.training.placing import Placed, random_placing
-from goc.training.solids import Solid
-from goc.training.surroundings import Surroundings, nothing_round, random_surroundings
+from goc.training.placement import PlacedShape, random_placement
+from goc.training.surroundings import Surroundings, no_surroundings, random_surroundings
 from goc.training.viewpoints import Regime, Viewpoint, random_viewpoints
+from goc.training.watertight_shape import WatertightShape
 
 Random = np.random.Generator
 _OBJECT, _OTHER = 1, 2
@@ -45,7 +45,7 @@ class MaskConfig:
     """Share seen in 8 to 17 views as a room is scanned; what is left is seen from all round, alone."""
     noise: float = 1.0
     """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
-    without_space: float = 0.1
+    forget_empty: float = 0.1
     """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
     points: int = 0
     """Points of the seen surface to keep; 0 where the network takes evidence alone."""
@@ -54,7 +54,7 @@ class MaskConfig:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class VirtualView:
     """One depth image, taken."""
 
     at: Viewpoint
@@ -75,36 +75,36 @@ class View:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Masked:
+class MaskedObject:
     """An object, what is known of it, and the cube that both are in."""
 
-    placed: Placed
+    placed: PlacedShape
     cube: Cube
     partial: Partial
     views: int
     regime: str
 
 
-def mask(solid: Solid, config: MaskConfig, random: Random) -> Masked | None:
+def mask(solid: WatertightShape, config: MaskConfig, random: Random) -> MaskedObject | None:
     """Put a solid somewhere, look at it, and keep what was seen; None where next to nothing was."""
-    placed, yaw = random_placing(solid, random)
+    placed, yaw = random_placement(solid, random)
     regime, count = _regime(config, random)
     if config.strategy != "visible":
-        regime, count = "round", 20
-    around = nothing_round() if regime == "round" else random_surroundings(placed, yaw, random)
+        regime, count = "sphere", 20
+    around = no_surroundings() if regime == "sphere" else random_surroundings(placed, yaw, random)
     viewpoints = random_viewpoints(placed.box(), around, regime, count, config.size_px, random)
-    taken = [take(placed, around, viewpoint) for viewpoint in viewpoints]
+    taken = [render_view(placed, around, viewpoint) for viewpoint in viewpoints]
     seen = _hit_points(taken, placed)
     if len(seen) < 60:
         return None
     cube = _jittered(cube_round(seen), config.jitter, random)
-    spoilt = spoil(taken, placed, config.noise, random)
-    evidence = _evidence(spoilt, seen, float(random.uniform(0.02, 0.2)), int(random.integers(86, 104)))
-    if random.random() < config.without_space:
-        evidence = _without_space(evidence)
+    noisy = add_depth_noise(taken, placed, config.noise, random)
+    evidence = _evidence(noisy, seen, float(random.uniform(0.02, 0.2)), int(random.integers(86, 104)))
+    if random.random() < config.forget_empty:
+        evidence = _with_empty_forgotten(evidence)
     points, normals = _seen_surface(placed, taken, config, random)
     partial = partial_of(points, normals, evidence, cube)
-    return Masked(placed=placed, cube=cube, partial=partial, views=len(taken), regime=regime)
+    return MaskedObject(placed=placed, cube=cube, partial=partial, views=len(taken), regime=regime)
 
 
 def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
@@ -113,10 +113,10 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
         return "arc", int(random.integers(1, 7))
     if draw < config.arc + config.room:
         return "room", int(random.integers(8, 18))
-    return "round", int(random.integers(12, 21))
+    return "sphere", int(random.integers(12, 21))
 
 
-def take(placed: Placed, around: Surroundings, at: Viewpoint) -> View:
+def render_view(placed: PlacedShape, around: Surroundings, at: Viewpoint) -> VirtualView:
     """An exact depth image with ids; a ray that meets nothing ends far away, and says that all before is empty."""
     origins, directions = at.rays()
     hits, normals = placed.closest_hit(origins, directions)
@@ -130,7 +130,7 @@ def take(placed: Placed, around: Surroundings, at: Viewpoint) -> View:
         depth, ids, slope = np.where(nearer, other.t, depth), np.where(nearer, _OTHER, ids), np.where(nearer, 1, slope)
     shape = (at.size, at.size)
     slope = np.where(slope < _GRAZING, np.nan, slope)
-    return View(
+    return VirtualView(
         at=at,
         depth=depth.astype(np.float32).reshape(shape),
         slope=slope.astype(np.float32).reshape(shape),
@@ -138,7 +138,9 @@ def take(placed: Placed, around: Surroundings, at: Viewpoint) -> View:
     )
 
 
-def spoil(views: list[View], placed: Placed, strength: float, random: Random) -> list[View]:
+def add_depth_noise(
+    views: list[VirtualView], placed: PlacedShape, strength: float, random: Random
+) -> list[VirtualView]:
     """Depth as splats and sensors give it.
 
     A bias that is the same for all views, since splats lie somewhere; a small one a view; noise a pixel; flying pixels
@@ -153,7 +155,7 @@ def spoil(views: list[View], placed: Placed, strength: float, random: Random) ->
     grain = strength * reach * random.choice([random.uniform(0, 0.002), random.uniform(0, 0.005)])
     flying, holes = strength * random.uniform(0, 0.4), strength * random.choice([0.0, random.uniform(0, 0.1)])
     waves, offset = random.uniform(4, 20) / reach, random.uniform(0, 60, 3)
-    spoilt = []
+    noisy = []
     for view in views:
         origins, directions = view.at.rays()
         flat = view.depth.ravel().astype(np.float64)
@@ -170,8 +172,8 @@ def spoil(views: list[View], placed: Placed, strength: float, random: Random) ->
         slope[chosen & (random.random(edge.shape) < 0.7)] = np.nan
         depth[random.random(edge.shape) < holes] = np.nan
         slope[np.isnan(depth)] = np.nan  # as fusion has it: a pixel without depth says nothing
-        spoilt.append(View(at=view.at, depth=depth, slope=slope, ids=ids))
-    return spoilt
+        noisy.append(VirtualView(at=view.at, depth=depth, slope=slope, ids=ids))
+    return noisy
 
 
 def _silhouette(ids: Int16[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
@@ -184,7 +186,7 @@ def _silhouette(ids: Int16[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
     return edge
 
 
-def _hit_points(views: list[View], placed: Placed) -> Float64[np.ndarray, "p 3"]:
+def _hit_points(views: list[VirtualView], placed: PlacedShape) -> Float64[np.ndarray, "p 3"]:
     found = [np.zeros((0, 3))]
     for view in views:
         origins, directions = view.at.rays()
@@ -198,7 +200,7 @@ def _jittered(cube: Cube, jitter: float, random: Random) -> Cube:
     return Cube(centre=cube.centre + shift, side=cube.side * float(random.uniform(1 - jitter, 1 + 3 * jitter)))
 
 
-def _evidence(views: list[View], seen: Float64[np.ndarray, "p 3"], pad: float, cells: int) -> EvidenceGrid:
+def _evidence(views: list[VirtualView], seen: Float64[np.ndarray, "p 3"], pad: float, cells: int) -> EvidenceGrid:
     """Fuse views as `goc.extract` does for a real object, on a somewhat coarser grid with the same band."""
     longest = float(np.ptp(seen, axis=0).max())
     config = ExtractConfig(
@@ -214,13 +216,13 @@ def _evidence(views: list[View], seen: Float64[np.ndarray, "p 3"], pad: float, c
     return evidence_grid(volume, points, config)
 
 
-def _without_space(evidence: EvidenceGrid) -> EvidenceGrid:
+def _with_empty_forgotten(evidence: EvidenceGrid) -> EvidenceGrid:
     state = np.where(evidence.state == Evidence.EMPTY, Evidence.UNKNOWN, evidence.state).astype(np.uint8)
     return EvidenceGrid(origin=evidence.origin, voxel=evidence.voxel, state=state, sdf=evidence.sdf)
 
 
 def _seen_surface(
-    placed: Placed, views: list[View], config: MaskConfig, random: Random
+    placed: PlacedShape, views: list[VirtualView], config: MaskConfig, random: Random
 ) -> tuple[Float32[np.ndarray, "p 3"], Float32[np.ndarray, "p 3"]]:
     """P_s with normals: uniform samples of the surface, those that no camera sees left out, and Gaussian noise."""
     if config.points == 0:
@@ -240,7 +242,7 @@ def _seen_surface(
     return (points[rows] + random.normal(0, sigma, (len(rows), 3))).astype(np.float32), normals[rows].astype(np.float32)
 
 
-def visible(points: Float64[np.ndarray, "p 3"], view: View) -> Bool[np.ndarray, "p"]:
+def visible(points: Float64[np.ndarray, "p 3"], view: VirtualView) -> Bool[np.ndarray, "p"]:
     """Which points lie in the image and not behind what it shows there, by more than the slant of a pixel explains."""
     pixels, depth = view.at.project(points)
     column, row = np.floor(pixels).astype(np.int64).T

@@ -18,8 +18,8 @@ from goc import _native
 from goc.errors import GocError, TrainError
 from goc.events import Listener, Progress, ignore
 from goc.files import MESH_SUFFIXES, is_file, read_any_mesh, read_json, write_json, write_tensors
-from goc.training.library import MANIFEST, STEPS, Dropped, Kept, Manifest
-from goc.training.watertight import solid_of
+from goc.training.library import MANIFEST, STEPS, Manifest, PreparedShape, SkippedMesh
+from goc.training.mesh_to_shape import shape_from_mesh
 
 _SHARD = 32
 """Shapes a file: some 20 MB, and little to do again after a stop."""
@@ -39,7 +39,7 @@ class PrepareConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Source:
+class MeshSource:
     """A mesh to prepare."""
 
     name: str
@@ -76,11 +76,11 @@ def prepare(meshes: Path, out: Path, config: PrepareConfig, notify: Listener = i
     manifest = read_json(path, Manifest) if is_file(path) else Manifest()
     done = {shape.name for shape in manifest.kept} | {mesh.name for mesh in manifest.dropped}
     waiting = [source for source in sources if source.name not in done]
-    pending: list[tuple[Source, _Made, float]] = []
+    pending: list[tuple[MeshSource, _Made, float]] = []
     finished = len(sources) - len(waiting)
     for source, made, seconds in _worked(waiting, config):
         if isinstance(made, str):
-            manifest.dropped.append(Dropped(name=source.name, why=made))
+            manifest.dropped.append(SkippedMesh(name=source.name, why=made))
         else:
             pending.append((source, made, seconds))
         finished += 1
@@ -92,7 +92,7 @@ def prepare(meshes: Path, out: Path, config: PrepareConfig, notify: Listener = i
     return manifest
 
 
-def find_meshes(folder: Path) -> list[Source]:
+def find_meshes(folder: Path) -> list[MeshSource]:
     """All meshes below a folder, or those of its objects.csv, in the order of their names.
 
     Raises:
@@ -105,12 +105,12 @@ def find_meshes(folder: Path) -> list[Source]:
     if not paths:
         raise TrainError(f"{folder}: holds no meshes ({', '.join(MESH_SUFFIXES)}). Check the path.")
     return [
-        Source(name="/".join(path.relative_to(folder).with_suffix("").parts), path=path, split="train")
+        MeshSource(name="/".join(path.relative_to(folder).with_suffix("").parts), path=path, split="train")
         for path in paths
     ]
 
 
-def _from_table(table: Path) -> list[Source]:
+def _from_table(table: Path) -> list[MeshSource]:
     with table.open(newline="") as file:
         rows = list(csv.DictReader(file))
     found = []
@@ -120,11 +120,11 @@ def _from_table(table: Path) -> list[Source]:
         path = table.parent / row["file"]
         if not is_file(path):
             raise TrainError(f"{table}: names {row['file']}, which is not there. Copy it, or leave the row out.")
-        found.append(Source(name=row["name"], path=path, split=row["split"]))
+        found.append(MeshSource(name=row["name"], path=path, split=row["split"]))
     return sorted(found, key=lambda source: source.name)
 
 
-def _worked(sources: list[Source], config: PrepareConfig) -> Iterator[tuple[Source, "_Made | str", float]]:
+def _worked(sources: list[MeshSource], config: PrepareConfig) -> Iterator[tuple[MeshSource, "_Made | str", float]]:
     """Results as they come: (source, shape or the reason why there is none, seconds)."""
     context = multiprocessing.get_context("spawn")
     waiting, running = list(sources), []
@@ -155,16 +155,16 @@ class _Worker:
         self._process = context.Process(target=_work, args=(theirs, config.cells), daemon=True)
         self._process.start()
         theirs.close()
-        self.source: Source | None = None
+        self.source: MeshSource | None = None
         self.alive = True
         self._since = 0.0
 
-    def begin(self, source: Source) -> None:
+    def begin(self, source: MeshSource) -> None:
         """Hand a mesh over."""
         self.source, self._since = source, time.monotonic()
         self._pipe.send(source)
 
-    def result(self, limit: float) -> tuple[Source, "_Made | str", float] | None:
+    def result(self, limit: float) -> tuple[MeshSource, "_Made | str", float] | None:
         """What became of the mesh; None while it is worked on."""
         source, seconds = self.source, time.monotonic() - self._since
         assert source is not None
@@ -210,13 +210,13 @@ def _work(pipe: Connection, cells: int) -> None:
             return
 
 
-def _made(source: Source, cells: int) -> _Made:
-    solid, how = solid_of(read_any_mesh(source.path, weld=True), cells)
+def _made(source: MeshSource, cells: int) -> _Made:
+    solid, how = shape_from_mesh(read_any_mesh(source.path, weld=True), cells)
     steps = np.clip(np.rint(solid.distance * (STEPS / solid.voxel)), -127, 127).astype(np.int8)
     return _Made(distance=steps, origin=tuple(float(v) for v in solid.origin), voxel=solid.voxel, how=how)
 
 
-def _write_shard(out: Path, manifest: Manifest, pending: list[tuple[Source, _Made, float]]) -> None:
+def _write_shard(out: Path, manifest: Manifest, pending: list[tuple[MeshSource, _Made, float]]) -> None:
     """A shard first, then the manifest that names it: a stop in between costs the shard, nothing else."""
     if pending:
         number = len({shape.shard for shape in manifest.kept})
@@ -226,7 +226,7 @@ def _write_shard(out: Path, manifest: Manifest, pending: list[tuple[Source, _Mad
         )
         for source, made, seconds in pending:
             manifest.kept.append(
-                Kept(
+                PreparedShape(
                     name=source.name,
                     split=source.split,
                     shard=shard,

@@ -16,14 +16,14 @@ Triple = tuple[Number, Number, Number]
 
 
 @runtime_checkable
-class Body(Protocol):
+class Primitive(Protocol):
     """Something with a signed distance, centred near the origin of its own frame."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Signed distance at coordinates in the body's frame."""
         ...
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides of a box round the origin that holds the body."""
         ...
 
@@ -41,7 +41,7 @@ class Box:
         beyond = np.sqrt(sum(np.maximum(c, 0) ** 2 for c in over))
         return beyond + np.minimum(np.maximum(np.maximum(over[0], over[1]), over[2]), 0) - np.float32(self.radius)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides."""
         return tuple(side / 2 for side in self.sides)
 
@@ -59,7 +59,7 @@ class Ellipsoid:
         slope = np.sqrt(sum((c / np.float32(r)) ** 2 for c, r in zip(scaled, self.radii, strict=True)))
         return np.where(near < 1e-3, np.float32(-min(self.radii)), near * (near - 1) / np.maximum(slope, 1e-6))
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """The radii."""
         return self.radii
 
@@ -81,7 +81,7 @@ class Cylinder:
         beyond = np.sqrt(np.maximum(side, 0) ** 2 + np.maximum(end, 0) ** 2)
         return beyond + np.minimum(np.maximum(side, end), 0) - np.float32(self.radius)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides."""
         return self.width, self.width, self.height / 2
 
@@ -97,7 +97,7 @@ class Torus:
         """Exact."""
         return np.sqrt((np.sqrt(x**2 + y**2) - np.float32(self.ring)) ** 2 + z**2) - np.float32(self.tube)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides."""
         return self.ring + self.tube, self.ring + self.tube, self.tube
 
@@ -118,7 +118,7 @@ class Prism:
         beyond = np.sqrt(np.maximum(side, 0) ** 2 + np.maximum(end, 0) ** 2)
         return beyond + np.minimum(np.maximum(side, end), 0) - np.float32(self.radius)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides of a box round the origin."""
         reach = np.abs(self.outline).max(0) + self.radius
         return float(reach[0]), float(reach[1]), self.height / 2
@@ -134,7 +134,7 @@ class Lathe:
         """Exact outside; inside too, but for edges on the axis, which count as surface."""
         return polygon_distance(self._mirrored(), np.sqrt(x**2 + y**2), z)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides of a box round the origin."""
         reach = float(self.profile[:, 0].max())
         return reach, reach, float(np.abs(self.profile[:, 1]).max())
@@ -149,16 +149,16 @@ class Lathe:
 class Shrunk:
     """Another body, its surface moved inwards: cut from the body itself, it leaves a wall of even thickness."""
 
-    body: Body
+    body: Primitive
     by: Number
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """As exact as the body's own."""
         return self.body.distance(x, y, z) + np.float32(self.by)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides of a box round the origin."""
-        return self.body.half()
+        return self.body.half_extent()
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,7 +181,7 @@ class Tube:
             nearest = squared if nearest is None else np.minimum(nearest, squared)
         return np.sqrt(nearest) - np.float32(self.width)
 
-    def half(self) -> Triple:
+    def half_extent(self) -> Triple:
         """Half sides of a box round the origin."""
         return tuple(float(v) for v in np.abs(self.line).max(0) + self.width)
 

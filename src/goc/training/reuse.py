@@ -14,7 +14,7 @@ from goc.complete.symmetry import POSES, posed_points, posed_volume
 from goc.training.samples import TrainingBatch
 
 
-def deal(pool: TrainingBatch, reuse: int, seed: Sequence[int]) -> Iterator[TrainingBatch]:
+def split_pool(pool: TrainingBatch, reuse: int, seed: Sequence[int]) -> Iterator[TrainingBatch]:
     """`reuse`² batches from a pool: each mask in `reuse` of them, never twice in the same pose, all its queries once.
 
     Args:

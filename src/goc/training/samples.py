@@ -10,11 +10,11 @@ from torch import Tensor
 
 from goc.complete import PartialBatch, evidence_channels
 from goc.errors import ConfigError
-from goc.training.masking import MaskConfig, Masked, mask
-from goc.training.solids import Solid
+from goc.training.masking import MaskConfig, MaskedObject, mask
+from goc.training.watertight_shape import WatertightShape
 
 Random = np.random.Generator
-Draw = Callable[[Random], Solid]
+Draw = Callable[[Random], WatertightShape]
 """Gives a shape, the same for the same state of the random numbers."""
 
 _NEAR = (0.01, 0.05)
@@ -24,7 +24,7 @@ _KNOWN_EMPTY = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
-class FeedConfig:
+class LoaderConfig:
     """What a batch is made of."""
 
     batch: int = 8
@@ -37,7 +37,7 @@ class FeedConfig:
     """Points a network is asked at, for each object, each time."""
     near: float = 0.5
     """Share of queries near the true surface; the others are uniform where something is to be decided."""
-    real: float = 0.4
+    prepared_share: float = 0.4
     """Share of prepared meshes, where there are any; the others are procedural."""
     resolution: int = 96
     """Voxels along the longest side of a procedural shape."""
@@ -45,7 +45,7 @@ class FeedConfig:
     def __post_init__(self) -> None:
         """Refuse what cannot be dealt."""
         if not 1 <= self.reuse <= 8:
-            raise ConfigError(f"--feed.reuse is {self.reuse}: needs 1 to 8, since gravity leaves eight poses.")
+            raise ConfigError(f"--loader.reuse is {self.reuse}: needs 1 to 8, since gravity leaves eight poses.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -64,17 +64,17 @@ class TrainingBatch:
         )
 
 
-def make_batch(draw: Draw, feed: FeedConfig, masking: MaskConfig, cells: int, seed: Sequence[int]) -> TrainingBatch:
+def make_batch(draw: Draw, loader: LoaderConfig, masking: MaskConfig, cells: int, seed: Sequence[int]) -> TrainingBatch:
     """One batch; the same for the same seed, wherever it is made."""
     random = np.random.default_rng(list(seed))
-    masked: list[Masked] = []
-    while len(masked) < feed.batch:
+    masked: list[MaskedObject] = []
+    while len(masked) < loader.batch:
         solid = draw(random)
-        looks = (mask(solid, masking, random) for _ in range(min(feed.masks, feed.batch - len(masked))))
+        looks = (mask(solid, masking, random) for _ in range(min(loader.masks, loader.batch - len(masked))))
         masked += [look for look in looks if look is not None]
     channels = [evidence_channels(one.partial.evidence, cells) for one in masked]
     pairs = zip(masked, channels, strict=True)
-    asked = [draw_queries(one, channel, feed, random) for one, channel in pairs]
+    asked = [draw_queries(one, channel, loader, random) for one, channel in pairs]
     return TrainingBatch(
         seen=PartialBatch(
             points=torch.from_numpy(np.stack([one.partial.points for one in masked])),
@@ -87,20 +87,20 @@ def make_batch(draw: Draw, feed: FeedConfig, masking: MaskConfig, cells: int, se
 
 
 def draw_queries(
-    masked: Masked, channels: Float32[np.ndarray, "c n n n"], feed: FeedConfig, random: Random
+    masked: MaskedObject, channels: Float32[np.ndarray, "c n n n"], loader: LoaderConfig, random: Random
 ) -> tuple[Float32[np.ndarray, "q 3"], Float32[np.ndarray, "q"]]:
     """Points in the cube with their true signed distance: near the surface, and wherever rays did not decide."""
-    near = int(feed.near * feed.queries)
+    near = int(loader.near * loader.queries)
     surface, _ = masked.placed.surface(near, int(random.integers(2**31)))
     sigma = np.where(np.arange(near) % 2, *_NEAR)[:, None]
     close = masked.cube.model_from_world(surface) + random.normal(0, 1, (near, 3)) * sigma
     close = close[(np.abs(close) <= 1).all(-1)]
-    far = _undecided(channels, feed.queries - len(close), random)
+    far = _undecided(channels, loader.queries - len(close), random)
     queries = random.permutation(np.concatenate([close, far])).astype(np.float32)  # any part of them is like the whole
     return queries, true_distance(masked, queries)
 
 
-def true_distance(masked: Masked, queries: Float32[np.ndarray, "q 3"]) -> Float32[np.ndarray, "q"]:
+def true_distance(masked: MaskedObject, queries: Float32[np.ndarray, "q 3"]) -> Float32[np.ndarray, "q"]:
     """Signed distance of the whole object at points in its cube, model units."""
     world = masked.cube.world_from_model(queries)
     return masked.placed.distances(world.astype(np.float64)) * np.float32(2.0 / masked.cube.side)

@@ -26,7 +26,7 @@ class TrainState:
     """Training time so far, over all runs."""
 
     @torch.no_grad()
-    def follow(self, share: float) -> None:
+    def update_average(self, share: float) -> None:
         """Move the running mean towards the weights: it keeps `share` of itself, less in the first steps."""
         kept = min(share, (1 + self.step) / (10 + self.step))
         own = dict(self.network.named_parameters())

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Float64, Int32
 
 from goc.geometry.raycast import TriangleScene
-from goc.training.placing import Placed
+from goc.training.placement import PlacedShape
 
 Random = np.random.Generator
 
@@ -28,12 +28,12 @@ class Surroundings:
         return bool(free.all() and position[2] > self.lowest)
 
 
-def nothing_round() -> Surroundings:
+def no_surroundings() -> Surroundings:
     """An object alone, to be seen from everywhere."""
     return Surroundings(scene=None, walls=np.zeros((0, 4)), lowest=-np.inf)
 
 
-def random_surroundings(placed: Placed, yaw: float, random: Random) -> Surroundings:
+def random_surroundings(placed: PlacedShape, yaw: float, random: Random) -> Surroundings:
     """A room in which the object stands on the floor or on a table, near no, one or two walls, among other boxes."""
     low, high = placed.box()
     middle, reach = (low + high) / 2, float((high - low).max())

@@ -21,25 +21,25 @@ from goc.complete import LiteConfig, build, save_network
 from goc.errors import TrainError
 from goc.events import Listener, Progress, ignore
 from goc.files import is_file
-from goc.training.board import Board
 from goc.training.config import TrainConfig
-from goc.training.feed import Recipe, batches
-from goc.training.held_out import Case, guess_network, held_out_cases, score, show
+from goc.training.loader import BatchRecipe, batches
 from goc.training.losses import completion_loss, hard_iou
-from goc.training.pictures import tiled
+from goc.training.procedural import random_shape
 from goc.training.samples import TrainingBatch
-from goc.training.shapes import random_solid
-from goc.training.solids import Solid
 from goc.training.state import TrainState, initial_state, load_state, save_state
+from goc.training.thumbnails import tiled
+from goc.training.tracker import Tracker
+from goc.training.validation import ValidationCase, guess_network, preview, score, validation_cases
+from goc.training.watertight_shape import WatertightShape
 
 STATE, WEIGHTS = "state.safetensors", "weights.safetensors"
 _CELLS_OF_POINTS = 8
 """Cells of the evidence lattice for networks that take points: they look at none of it."""
-_HELD_OUT = 24
+_VALIDATION_SHAPES = 24
 
 
 @dataclass(frozen=True, kw_only=True)
-class Place:
+class ProcessGroup:
     """Where this process stands among those that train together."""
 
     rank: int
@@ -68,14 +68,14 @@ def train(out: Path, config: TrainConfig, notify: Listener = ignore) -> Path:
         return _train(out, config, notify if place.rank == 0 else ignore, place)
 
 
-def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Path:
+def _train(out: Path, config: TrainConfig, notify: Listener, place: ProcessGroup) -> Path:
     network = build(config.network(), config.seed).to(place.device)
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
     if is_file(out / STATE):
         state = load_state(out / STATE, state, fingerprint(config))
     model = network if place.world == 1 else DistributedDataParallel(network)
-    board = Board(out, notify) if place.rank == 0 else None
-    held_out = _held_out(config) if board else []
+    tracker = Tracker(out, notify) if place.rank == 0 else None
+    validation = _validation_cases(config) if tracker else []
     stream = batches(recipe(config), state.step, config.workers, place.rank, place.world)
     started, saved, before = time.monotonic(), time.monotonic(), state.seconds
     try:
@@ -86,18 +86,18 @@ def _train(out: Path, config: TrainConfig, notify: Listener, place: Place) -> Pa
                 if spent(config, state) >= 1.0 or stop:
                     break
                 figures = step(model, state, batch.to(place.device), config)
-                if board is None:
+                if tracker is None:
                     continue
-                _tell(board, state, figures, config, notify)
-                if state.step % config.look_every == 0:
-                    look(board, state, held_out, config)
+                _tell(tracker, state, figures, config, notify)
+                if state.step % config.validate_every == 0:
+                    validate(tracker, state, validation, config)
                 if time.monotonic() - saved > config.save_every:
                     _save(out, state, config)
                     saved = time.monotonic()
     finally:
-        if board:
+        if tracker:
             _save(out, state, config)
-            board.close()
+            tracker.close()
     if stopped.is_set():
         raise KeyboardInterrupt
     return out / WEIGHTS
@@ -128,12 +128,12 @@ def fingerprint(config: TrainConfig) -> str:
     """Names the settings that a checkpoint depends on; a budget may be raised, and what is only watched may change."""
     slower = replace(config.optimiser, rate=1.0)
     same = replace(
-        config, minutes=1.0, steps=None, workers=0, save_every=60.0, look_every=1, data=None, optimiser=slower
+        config, minutes=1.0, steps=None, workers=0, save_every=60.0, validate_every=1, data=None, optimiser=slower
     )
     return hashlib.sha256(msgspec.json.encode(asdict(same), order="sorted")).hexdigest()
 
 
-def recipe(config: TrainConfig) -> Recipe:
+def recipe(config: TrainConfig) -> BatchRecipe:
     """What batches are made of."""
     network = config.network()
     if isinstance(network, LiteConfig):
@@ -141,7 +141,7 @@ def recipe(config: TrainConfig) -> Recipe:
     else:
         cells, points = _CELLS_OF_POINTS, network.points
     masking = replace(config.masking, points=points)
-    return Recipe(feed=config.feed, masking=masking, cells=cells, data=config.data, seed=config.seed)
+    return BatchRecipe(loader=config.loader, masking=masking, cells=cells, data=config.data, seed=config.seed)
 
 
 def spent(config: TrainConfig, state: TrainState) -> float:
@@ -177,43 +177,45 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
     norm = nn.utils.clip_grad_norm_(state.network.parameters(), config.optimiser.clip)
     state.optimiser.step()
     state.step += 1
-    state.follow(config.optimiser.average)
+    state.update_average(config.optimiser.ema_decay)
     iou = hard_iou(logits.float(), batch.distance, config.losses.threshold).mean()
     rate = state.optimiser.param_groups[0]["lr"]
     return {name: _number(value) for name, value in {**terms, "norm": norm, "query_iou": iou, "rate": rate}.items()}
 
 
-def look(board: Board, state: TrainState, cases: list[Case], config: TrainConfig) -> None:
+def validate(tracker: Tracker, state: TrainState, cases: list[ValidationCase], config: TrainConfig) -> None:
     """Score the running mean on fixed held-out masks, and picture some of them."""
     device = next(state.network.parameters()).device
     network = state.averaged(build(config.network()).to(device))
     fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
     scores = [score(case, field) for case, field in zip(cases, fields, strict=True)]
-    board.scalars(
+    tracker.scalars(
         state.step,
         {
-            "held_out/iou": float(np.mean([one.iou for one in scores])),
-            "held_out/undecided_right": float(np.mean([one.decided_right for one in scores])),
+            "validation/iou": float(np.mean([one.iou for one in scores])),
+            "validation/unknown_accuracy": float(np.mean([one.unknown_accuracy for one in scores])),
         },
     )
-    rows = [show(case, [field]) for case, field in list(zip(cases, fields, strict=True))[:8]]
-    board.picture(state.step, "completions", tiled([sum(rows[i : i + 2], []) for i in range(0, len(rows), 2)]))
+    rows = [preview(case, [field]) for case, field in list(zip(cases, fields, strict=True))[:8]]
+    tracker.picture(state.step, "completions", tiled([sum(rows[i : i + 2], []) for i in range(0, len(rows), 2)]))
 
 
-def _held_out(config: TrainConfig) -> list[Case]:
+def _validation_cases(config: TrainConfig) -> list[ValidationCase]:
     """Procedural shapes from a stream of random numbers of their own."""
     made = recipe(config)
 
-    def draw(random: np.random.Generator) -> Solid:
-        return random_solid(random, config.feed.resolution)
+    def draw(random: np.random.Generator) -> WatertightShape:
+        return random_shape(random, config.loader.resolution)
 
     cells = made.cells if config.size == "lite" else 32
-    return list(held_out_cases(draw, _HELD_OUT, made.masking, cells, seed=(config.seed, 2**31)))
+    return list(validation_cases(draw, _VALIDATION_SHAPES, made.masking, cells, seed=(config.seed, 2**31)))
 
 
-def _tell(board: Board, state: TrainState, figures: dict[str, float], config: TrainConfig, notify: Listener) -> None:
+def _tell(
+    tracker: Tracker, state: TrainState, figures: dict[str, float], config: TrainConfig, notify: Listener
+) -> None:
     if state.step % 10 == 0 or state.step == 1:
-        board.scalars(state.step, {f"train/{name}": value for name, value in figures.items()})
+        tracker.scalars(state.step, {f"train/{name}": value for name, value in figures.items()})
     done = round(1000 * min(spent(config, state), 1.0))
     total = config.steps or 1000
     shown = {"steps": float(state.step), "loss e-3": 1e3 * figures["loss"], "IoU %": 100 * figures["query_iou"]}
@@ -233,22 +235,22 @@ def _number(value: Tensor | float) -> float:
 
 
 @contextmanager
-def _place() -> Iterator[Place]:
+def _place() -> Iterator[ProcessGroup]:
     """Among the processes of torchrun; alone without it."""
     world, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
     cuda = torch.cuda.is_available()
     device = torch.device("cuda", int(os.environ.get("LOCAL_RANK", "0"))) if cuda else torch.device("cpu")
     if world == 1:
-        yield Place(rank=0, world=1, device=device)
+        yield ProcessGroup(rank=0, world=1, device=device)
         return
     distributed.init_process_group("nccl" if cuda else "gloo")
     try:
-        yield Place(rank=rank, world=world, device=device)
+        yield ProcessGroup(rank=rank, world=world, device=device)
     finally:
         distributed.destroy_process_group()
 
 
-def _agreed(seconds: float, stop: bool, place: Place) -> tuple[float, bool]:
+def _agreed(seconds: float, stop: bool, place: ProcessGroup) -> tuple[float, bool]:
     """The first process's clock, and whether any was asked to stop: all go on, or stop, before the same step."""
     if place.world == 1:
         return seconds, stop

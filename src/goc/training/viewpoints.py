@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from goc.training.surroundings import Surroundings
 
 Random = np.random.Generator
-Regime = Literal["arc", "room", "round"]
+Regime = Literal["arc", "room", "sphere"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -11,9 +11,9 @@ from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.topology import is_closed, signed_volume
 from goc.scene import Mesh
-from goc.training.solids import BAND, Solid
-from goc.training.surroundings import nothing_round
+from goc.training.surroundings import no_surroundings
 from goc.training.viewpoints import Viewpoint, random_viewpoints
+from goc.training.watertight_shape import BAND, WatertightShape
 
 _VIEWS, _VIEW_PX = 60, 200
 _SAMPLES = 60_000
@@ -24,7 +24,7 @@ _HALF_SHEET = 0.6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
-    """Points of a grid round a mesh in the frame of a Solid."""
+    """Points of a grid round a mesh in the frame of a WatertightShape."""
 
     origin: Float64[np.ndarray, "3"]
     voxel: float
@@ -35,8 +35,8 @@ class Grid:
         return self.origin + self.voxel * np.stack(np.unravel_index(np.arange(np.prod(self.shape)), self.shape), -1)
 
 
-def standing(mesh: Mesh) -> Mesh:
-    """The mesh in the frame of a Solid: longest side 1, on z = 0, its box centred over the origin.
+def in_shape_frame(mesh: Mesh) -> Mesh:
+    """The mesh in the frame of a WatertightShape: longest side 1, on z = 0, its box centred over the origin.
 
     Raises:
         ValueError: no extent.
@@ -49,7 +49,7 @@ def standing(mesh: Mesh) -> Mesh:
     return Mesh(vertices=((mesh.vertices - foot) / longest).astype(np.float32), faces=mesh.faces)
 
 
-def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
+def shape_from_mesh(mesh: Mesh, cells: int) -> tuple[WatertightShape, str]:
     """Signed distance of a welded mesh, and how its sign was found: "closed" or "carved".
 
     closed: where the surface winds round, so that overlapping closed pieces unite. carved: inside is what none of 60
@@ -62,7 +62,7 @@ def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
     Raises:
         ValueError: nothing is inside, or the mesh has no extent or no area.
     """
-    mesh = standing(mesh)
+    mesh = in_shape_frame(mesh)
     voxel = 1.0 / cells
     rim = BAND + 1
     low, high = mesh.vertices.min(0).astype(np.float64) - rim * voxel, mesh.vertices.max(0) + rim * voxel
@@ -84,7 +84,7 @@ def solid_of(mesh: Mesh, cells: int) -> tuple[Solid, str]:
         distance = np.where(reached, np.minimum(distance, thickened - np.float32(_HALF_SHEET * voxel)), distance)
     if (distance < 0).sum() < 64:
         raise ValueError("nothing is inside: no closed shape")
-    return Solid(distance=distance, origin=grid.origin, voxel=voxel), "closed" if closed else "carved"
+    return WatertightShape(distance=distance, origin=grid.origin, voxel=voxel), "closed" if closed else "carved"
 
 
 def _distance(scene: TriangleScene, points: Float64[np.ndarray, "p 3"], grid: Grid) -> Float32[np.ndarray, "x y z"]:
@@ -104,7 +104,7 @@ def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.nd
         origin=grid.origin, voxel=grid.voxel, truncation=0.5 * grid.voxel, blocks=table.astype(np.int32)
     )
     volume = Volume(block_grid)
-    for viewpoint in random_viewpoints(box, nothing_round(), "round", _VIEWS, _VIEW_PX, random):
+    for viewpoint in random_viewpoints(box, no_surroundings(), "sphere", _VIEWS, _VIEW_PX, random):
         volume.add(_depth_of(scene, viewpoint), wanted=None)
     before = (volume.weight > 0) & (volume.distance() > 0)  # in the band, on the near side
     passed = ((volume.empty > 0) | before).reshape(*blocks, BLOCK, BLOCK, BLOCK).transpose(0, 3, 1, 4, 2, 5)

@@ -14,14 +14,14 @@ from goc.evaluation.metrics import SurfaceSamples, sample_surface
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Mesh
-from goc.training.primitives import Body, Number, Triple
+from goc.training.primitives import Number, Primitive, Triple
 
 BAND = 4.0
 """Distance, in voxels, at which a solid's signed distance is cut off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solid:
+class WatertightShape:
     """A closed shape in its own frame: longest side 1, z up, standing on z = 0, its box centred over the origin."""
 
     distance: Float32[np.ndarray, "x y z"]
@@ -56,38 +56,38 @@ class Solid:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
+class CsgPart:
     """A body put somewhere, and what it does to what is there already."""
 
-    body: Body
+    body: Primitive
     at: Triple
     """Where the body's origin goes."""
     turn: Float[np.ndarray, "3 3"] | None = None
     """Rotation shape_from_body; None: aligned."""
-    does: Literal["add", "cut", "keep"] = "add"
+    operation: Literal["union", "difference", "intersection"] = "union"
     """Union, difference, or intersection."""
     blend: Number = 0.0
     """Radius of the fillet where an added body meets the rest."""
 
     def box(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
         """Corners of an aligned box that holds the part."""
-        half = np.array(self.body.half(), np.float64)
+        half = np.array(self.body.half_extent(), np.float64)
         reach = half if self.turn is None else np.abs(self.turn) @ half
         at = np.array(self.at, np.float64)
         return at - reach, at + reach
 
 
-def paint(parts: Sequence[Part], cells: int) -> Solid | None:
+def shape_from_parts(parts: Sequence[CsgPart], cells: int) -> WatertightShape | None:
     """Work parts into a grid, one after the other, each only where it can reach.
 
     Args:
-        parts: in any unit and place; the shape is brought into the frame of a Solid.
+        parts: in any unit and place; the shape is brought into the frame of a WatertightShape.
         cells: along its longest side.
 
     Returns:
         None where nothing is left, or next to nothing.
     """
-    boxes = [part.box() for part in parts if part.does == "add"]
+    boxes = [part.box() for part in parts if part.operation == "union"]
     low, high = np.min([box[0] for box in boxes], 0), np.max([box[1] for box in boxes], 0)
     voxel = float((high - low).max()) / cells
     rim = BAND + 1
@@ -99,7 +99,7 @@ def paint(parts: Sequence[Part], cells: int) -> Solid | None:
     return _stood(field, origin, voxel)
 
 
-def _work_in(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float, part: Part) -> None:
+def _work_in(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float, part: CsgPart) -> None:
     low, high = part.box()
     reach = BAND * voxel + part.blend
     first = np.clip(np.floor((low - reach - origin) / voxel).astype(int), 0, field.shape)
@@ -118,14 +118,14 @@ def _work_in(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: flo
         x, y, z = (x * turn[0, i] + y * turn[1, i] + z * turn[2, i] for i in range(3))
     distance = part.body.distance(x, y, z)
     here = field[block]
-    match part.does:
-        case "add" if part.blend > 0:
+    match part.operation:
+        case "union" if part.blend > 0:
             field[block] = _smooth_union(here, distance, part.blend)
-        case "add":
+        case "union":
             field[block] = np.minimum(here, distance)
-        case "cut":
+        case "difference":
             field[block] = np.maximum(here, -distance)
-        case "keep":
+        case "intersection":
             kept = np.maximum(here, distance)
             field[:] = BAND * voxel
             field[block] = kept
@@ -137,7 +137,7 @@ def _smooth_union(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
     return np.minimum(a, b) - share**2 * np.float32(radius / 4)
 
 
-def _stood(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float) -> Solid | None:
+def _stood(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float) -> WatertightShape | None:
     """Crop to what is there, scale the longest side to 1, stand on z = 0, centre over the origin."""
     inside = field < 0
     if inside.sum() < 64:
@@ -153,7 +153,7 @@ def _stood(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float
     size = (np.array(high) - np.array(low) + 1) * voxel
     scale = 1.0 / size.max()
     foot = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2] - 0.5])
-    return Solid(
+    return WatertightShape(
         distance=np.ascontiguousarray(np.clip(cropped, -BAND * voxel, BAND * voxel)) * np.float32(scale),
         origin=(first - foot) * voxel * scale,
         voxel=float(voxel * scale),

@@ -10,9 +10,9 @@ from jaxtyping import Bool, Float32
 from goc.complete import Completer, cell_centres, evidence_channels
 from goc.geometry.isosurface import grid_surface
 from goc.scene import Mesh
-from goc.training.masking import MaskConfig, Masked, mask
-from goc.training.pictures import shaded
+from goc.training.masking import MaskConfig, MaskedObject, mask
 from goc.training.samples import Draw, true_distance
+from goc.training.thumbnails import shaded
 
 Field = Float32[np.ndarray, "n n n"]
 """Positive outside, its zero level the surface; model units near the surface."""
@@ -24,10 +24,10 @@ _SOFT = 0.004
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Case:
+class ValidationCase:
     """One masked object on a lattice, with its truth."""
 
-    masked: Masked
+    masked: MaskedObject
     channels: Float32[np.ndarray, "c n n n"]
     truth: Field
 
@@ -44,15 +44,17 @@ class Case:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Score:
+class GridScore:
     """One completion against the truth."""
 
     iou: float
-    decided_right: float
+    unknown_accuracy: float
     """Share of undecided cells of the true box that are called rightly."""
 
 
-def held_out_cases(draw: Draw, count: int, masking: MaskConfig, cells: int, seed: Sequence[int]) -> Iterator[Case]:
+def validation_cases(
+    draw: Draw, count: int, masking: MaskConfig, cells: int, seed: Sequence[int]
+) -> Iterator[ValidationCase]:
     """`count` masked shapes, the same for the same seed."""
     number = made = 0
     while made < count:
@@ -64,19 +66,19 @@ def held_out_cases(draw: Draw, count: int, masking: MaskConfig, cells: int, seed
             yield case_of(masked, cells)
 
 
-def case_of(masked: Masked, cells: int) -> Case:
+def case_of(masked: MaskedObject, cells: int) -> ValidationCase:
     """A masked object on a lattice of `cells`³."""
     centres = cell_centres(cells).reshape(-1, 3)
     truth = true_distance(masked, centres).reshape((cells,) * 3)
-    return Case(masked=masked, channels=evidence_channels(masked.partial.evidence, cells), truth=truth)
+    return ValidationCase(masked=masked, channels=evidence_channels(masked.partial.evidence, cells), truth=truth)
 
 
-def guess_nothing(case: Case) -> Field:
+def guess_nothing(case: ValidationCase) -> Field:
     """What was not seen is not there."""
     return np.full_like(case.truth, 0.02)
 
 
-def guess_network(case: Case, network: Completer, threshold: float) -> Field:
+def guess_network(case: ValidationCase, network: Completer, threshold: float) -> Field:
     """What a network says, its level at occupancy `threshold`."""
     cells = case.truth.shape[0]
     centres = torch.from_numpy(cell_centres(cells).reshape(-1, 3))
@@ -85,7 +87,7 @@ def guess_network(case: Case, network: Completer, threshold: float) -> Field:
     return np.clip((level - logits) * _SOFT, -0.04, 0.04).astype(np.float32).reshape(case.truth.shape)
 
 
-def score(case: Case, field: Field) -> Score:
+def score(case: ValidationCase, field: Field) -> GridScore:
     """Compare a field with the truth of its case."""
     inside, truth = field < 0, case.truth < 0
     iou = float((inside & truth).sum() / max((inside | truth).sum(), 1))
@@ -93,7 +95,7 @@ def score(case: Case, field: Field) -> Score:
     box = tuple(slice(row[0], row[-1] + 1) if len(row) else slice(0, 0) for row in rows)
     open_ = ~case.decided[box]
     right = float((inside[box] == truth[box])[open_].mean()) if open_.any() else 1.0
-    return Score(iou=iou, decided_right=right)
+    return GridScore(iou=iou, unknown_accuracy=right)
 
 
 def surface_of(field: Field) -> Mesh:
@@ -103,7 +105,7 @@ def surface_of(field: Field) -> Mesh:
     return Mesh(vertices=vertices, faces=faces)
 
 
-def show(case: Case, fields: Sequence[Field], size: int = 128) -> list[np.ndarray]:
+def preview(case: ValidationCase, fields: Sequence[Field], size: int = 128) -> list[np.ndarray]:
     """Pictures of what was seen, of each field, and of the truth."""
     seen = case.composed(guess_nothing(case))
     blue, green, grey = (0.75, 0.8, 0.9), (0.65, 0.8, 0.65), (0.85, 0.85, 0.85)

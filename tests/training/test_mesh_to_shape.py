@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from goc.scene import Mesh
-from goc.training.watertight import solid_of, standing
+from goc.training.mesh_to_shape import in_shape_frame, shape_from_mesh
 from oracles.watertight import trouble
 
 CORNERS = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float32)
@@ -33,11 +33,11 @@ def grid_points(solid):
 
 
 def test_standing_scales_and_centres():
-    mesh = standing(box((1, 2, 3), (3, 3, 4)))
+    mesh = in_shape_frame(box((1, 2, 3), (3, 3, 4)))
     assert mesh.vertices.min(0).tolist() == pytest.approx([-0.5, -0.25, 0])
     assert mesh.vertices.max(0).tolist() == pytest.approx([0.5, 0.25, 0.5])
     with pytest.raises(ValueError, match="in one place"):
-        standing(Mesh(vertices=np.ones((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32)))
+        in_shape_frame(Mesh(vertices=np.ones((3, 3), np.float32), faces=np.array([[0, 1, 2]], np.int32)))
 
 
 @pytest.mark.parametrize("inverted", [False, True])
@@ -45,7 +45,7 @@ def test_a_closed_box_has_its_exact_distance(inverted):
     mesh = box((0, 0, 0), (1, 0.5, 0.4))
     if inverted:
         mesh = Mesh(vertices=mesh.vertices, faces=np.ascontiguousarray(mesh.faces[:, ::-1]))
-    solid, how = solid_of(mesh, 24)
+    solid, how = shape_from_mesh(mesh, 24)
     assert how == "closed"
     exact = box_distance(grid_points(solid), (-0.5, -0.25, 0), (0.5, 0.25, 0.4)).reshape(solid.distance.shape)
     limit = 4 * solid.voxel
@@ -54,14 +54,14 @@ def test_a_closed_box_has_its_exact_distance(inverted):
 
 
 def test_overlapping_closed_pieces_unite():
-    solid, how = solid_of(joined(box((0, 0, 0), (1, 0.4, 0.4)), box((0.3, 0.1, 0.1), (0.6, 0.3, 1.0))), 32)
+    solid, how = shape_from_mesh(joined(box((0, 0, 0), (1, 0.4, 0.4)), box((0.3, 0.1, 0.1), (0.6, 0.3, 1.0))), 32)
     assert how == "closed"
     middle = solid.distances(np.array([[-0.05, 0.0, 0.2], [-0.05, 0.0, 0.8], [0.4, 0.0, 0.8]]))
     assert (middle < 0).tolist() == [True, True, False]
 
 
 def test_an_open_box_becomes_walls_and_stays_hollow():
-    solid, how = solid_of(box(leave_out=2), 32)  # its upper side is missing
+    solid, how = shape_from_mesh(box(leave_out=2), 32)  # its upper side is missing
     assert how == "carved"
     probes = np.array([[0.0, 0, 0.5], [0.5, 0, 0.5], [0, 0, 0.0], [0, 0, 1.0]])
     found = solid.distances(probes)
@@ -72,7 +72,7 @@ def test_an_open_box_becomes_walls_and_stays_hollow():
 def test_a_closed_mesh_with_a_flaw_keeps_its_volume():
     flawed = box()
     flawed = Mesh(vertices=flawed.vertices, faces=np.concatenate([flawed.faces, flawed.faces[:1]]))
-    solid, how = solid_of(flawed, 24)
+    solid, how = shape_from_mesh(flawed, 24)
     assert how == "carved"
     exact = box_distance(grid_points(solid), (-0.5, -0.5, 0), (0.5, 0.5, 1)).reshape(solid.distance.shape)
     wrong = (solid.distance < 0) != (exact < 0)
@@ -84,11 +84,11 @@ def test_nothing_inside_is_refused():
         vertices=np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], np.float32), faces=np.array([[0, 1, 2]], np.int32)
     )
     with pytest.raises(ValueError, match="no area"):
-        solid_of(sliver, 16)
+        shape_from_mesh(sliver, 16)
 
 
 def test_a_closed_wall_thinner_than_a_voxel_does_not_fall_through_the_grid():
-    solid, how = solid_of(box((0, 0, 0), (1, 0.8, 0.01)), 24)
+    solid, how = shape_from_mesh(box((0, 0, 0), (1, 0.8, 0.01)), 24)
     assert how == "closed"
     inside = (solid.distance < 0).any(2)
     assert inside.sum() == pytest.approx(24 * 0.8 * 24, rel=0.15)

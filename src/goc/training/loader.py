@@ -13,19 +13,19 @@ from torch.utils.data import DataLoader, Dataset
 from goc import _native
 from goc.training.library import open_library
 from goc.training.masking import MaskConfig
-from goc.training.reuse import deal
-from goc.training.samples import FeedConfig, TrainingBatch, make_batch
-from goc.training.shapes import random_solid
-from goc.training.solids import Solid
+from goc.training.procedural import random_shape
+from goc.training.reuse import split_pool
+from goc.training.samples import LoaderConfig, TrainingBatch, make_batch
+from goc.training.watertight_shape import WatertightShape
 
 _EVER = 10**9
 
 
 @dataclass(frozen=True, kw_only=True)
-class Recipe:
+class BatchRecipe:
     """All that a batch depends on, besides its number."""
 
-    feed: FeedConfig
+    loader: LoaderConfig
     masking: MaskConfig
     cells: int
     """Of the evidence grid that the network takes."""
@@ -33,35 +33,35 @@ class Recipe:
     """Prepared shapes; None: procedural ones alone."""
     seed: int
 
-    def draw(self, random: np.random.Generator) -> Solid:
+    def draw(self, random: np.random.Generator) -> WatertightShape:
         """A prepared or a procedural shape."""
-        if self.data is not None and random.random() < self.feed.real:
+        if self.data is not None and random.random() < self.loader.prepared_share:
             library = open_library(self.data, "train")
             return library[int(random.integers(len(library)))]
-        return random_solid(random, self.feed.resolution)
+        return random_shape(random, self.loader.resolution)
 
     def pool(self, number: int) -> TrainingBatch:
         """Masks for `reuse`² batches; the same in every run."""
-        times = self.feed.reuse
-        feed = replace(self.feed, batch=self.feed.batch * times, queries=self.feed.queries * times)
-        return make_batch(self.draw, feed, self.masking, self.cells, (self.seed, number))
+        times = self.loader.reuse
+        loader = replace(self.loader, batch=self.loader.batch * times, queries=self.loader.queries * times)
+        return make_batch(self.draw, loader, self.masking, self.cells, (self.seed, number))
 
-    def deal(self, pool: TrainingBatch, number: int) -> Iterator[TrainingBatch]:
+    def batches(self, pool: TrainingBatch, number: int) -> Iterator[TrainingBatch]:
         """The batches of pool `number`."""
-        return deal(pool, self.feed.reuse, (self.seed, number, 1))
+        return split_pool(pool, self.loader.reuse, (self.seed, number, 1))
 
 
 class _Pools(Dataset[TrainingBatch]):
     """Numbered pools, for torch's workers."""
 
-    def __init__(self, recipe: Recipe) -> None:
+    def __init__(self, recipe: BatchRecipe) -> None:
         self.recipe = recipe
 
     def __getitem__(self, number: int) -> TrainingBatch:
         return self.recipe.pool(number)
 
 
-def batches(recipe: Recipe, first: int, workers: int, rank: int = 0, world: int = 1) -> Iterator[TrainingBatch]:
+def batches(recipe: BatchRecipe, first: int, workers: int, rank: int = 0, world: int = 1) -> Iterator[TrainingBatch]:
     """The endless stream of batches of one of `world` processes, from step `first` on.
 
     Args:
@@ -71,15 +71,15 @@ def batches(recipe: Recipe, first: int, workers: int, rank: int = 0, world: int 
         rank: which of the processes: each has pools of its own.
         world: how many there are.
     """
-    each = recipe.feed.reuse**2
+    each = recipe.loader.reuse**2
     numbers = range(first // each * world + rank, _EVER, world)
     skipped = first % each
     for number, pool in zip(numbers, _pools(recipe, numbers, workers), strict=True):
-        yield from islice(recipe.deal(pool, number), skipped, None)
+        yield from islice(recipe.batches(pool, number), skipped, None)
         skipped = 0
 
 
-def _pools(recipe: Recipe, numbers: range, workers: int) -> Iterator[TrainingBatch]:
+def _pools(recipe: BatchRecipe, numbers: range, workers: int) -> Iterator[TrainingBatch]:
     if workers == 0:
         yield from (recipe.pool(number) for number in numbers)
         return

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from goc.training.placing import Placed, random_placing
+from goc.training.placement import PlacedShape, random_placement
 from goc.training.primitives import Box, Cylinder, Ellipsoid, Lathe, Prism, Shrunk, Torus, Tube, polygon_distance
-from goc.training.shapes import _KINDS, random_solid
-from goc.training.solids import Part, paint
+from goc.training.procedural import _KINDS, random_shape
+from goc.training.watertight_shape import CsgPart, shape_from_parts
 from oracles.watertight import trouble
 
 SQUARE = np.array([[-1.0, -1], [1, -1], [1, 1], [-1, 1]])
@@ -53,29 +53,29 @@ def test_a_polygon_s_sign_does_not_depend_on_its_turn():
 
 def test_parts_are_joined_cut_and_kept():
     parts = [
-        Part(body=Box((2, 2, 2)), at=(0, 0, 0)),
-        Part(body=Box((1, 1, 4)), at=(0, 0, 0), does="cut"),
-        Part(body=Box((9, 9, 1)), at=(0, 0, 0), does="keep"),
+        CsgPart(body=Box((2, 2, 2)), at=(0, 0, 0)),
+        CsgPart(body=Box((1, 1, 4)), at=(0, 0, 0), operation="difference"),
+        CsgPart(body=Box((9, 9, 1)), at=(0, 0, 0), operation="intersection"),
     ]
-    solid = paint(parts, 64)
+    solid = shape_from_parts(parts, 64)
     points = np.array([[0.4, 0.0, 0.2], [0.0, 0.0, 0.2], [0.4, 0.0, 0.8]])
     assert (solid.distances(points) < 0).tolist() == [True, False, False]
     low, high = solid.mesh.vertices.min(0), solid.mesh.vertices.max(0)
     np.testing.assert_allclose(high - low, [1, 1, 0.5], atol=0.03)
     assert low[2] == pytest.approx(0, abs=0.02)
-    assert paint([parts[0], Part(body=Box((3, 3, 3)), at=(0, 0, 0), does="cut")], 32) is None
+    assert shape_from_parts([parts[0], CsgPart(body=Box((3, 3, 3)), at=(0, 0, 0), operation="difference")], 32) is None
 
 
 def test_a_turned_part_is_where_it_should_be():
     turn = np.array([[0, -1.0, 0], [1, 0, 0], [0, 0, 1]])  # x to y
-    solid = paint([Part(body=Box((4, 1, 1)), at=(0, 0, 0), turn=turn)], 48)
+    solid = shape_from_parts([CsgPart(body=Box((4, 1, 1)), at=(0, 0, 0), turn=turn)], 48)
     extent = np.ptp(solid.mesh.vertices, axis=0)
     np.testing.assert_allclose(extent, [0.25, 1, 0.25], atol=0.03)
 
 
 @pytest.mark.parametrize("kind", range(len(_KINDS)))
 def test_every_kind_of_shape_is_closed_and_has_the_frame_of_a_solid(kind):
-    made = [paint(_KINDS[kind](np.random.default_rng(seed)), 40) for seed in range(3)]
+    made = [shape_from_parts(_KINDS[kind](np.random.default_rng(seed)), 40) for seed in range(3)]
     solids = [solid for solid in made if solid is not None]
     assert solids
     for solid in solids:
@@ -87,15 +87,15 @@ def test_every_kind_of_shape_is_closed_and_has_the_frame_of_a_solid(kind):
 
 
 def test_the_same_random_numbers_give_the_same_shape():
-    one, other = (random_solid(np.random.default_rng(5), 32) for _ in range(2))
+    one, other = (random_shape(np.random.default_rng(5), 32) for _ in range(2))
     np.testing.assert_array_equal(one.distance, other.distance)
 
 
 def test_a_stretched_solid_keeps_sign_and_first_order_distance():
-    solid = paint([Part(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 64)  # a ball
+    solid = shape_from_parts([CsgPart(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 64)  # a ball
     low, high = solid.mesh.vertices.min(0), solid.mesh.vertices.max(0)
     middle, radius = (low + high) / 2, float(high[0] - low[0]) / 2
-    placed = Placed(solid=solid, matrix=np.diag([1.0, 2.0, -1.5]), shift=np.array([5.0, 0, 0]))
+    placed = PlacedShape(shape=solid, matrix=np.diag([1.0, 2.0, -1.5]), shift=np.array([5.0, 0, 0]))
     centre = placed.matrix @ middle + placed.shift
     points = centre + [
         [radius + 0.02, 0, 0],
@@ -110,7 +110,7 @@ def test_a_stretched_solid_keeps_sign_and_first_order_distance():
 
 
 def test_random_placings_stand_on_the_ground():
-    solid = random_solid(np.random.default_rng(1), 32)
+    solid = random_shape(np.random.default_rng(1), 32)
     for seed in range(5):
-        placed, _ = random_placing(solid, np.random.default_rng(seed))
+        placed, _ = random_placement(solid, np.random.default_rng(seed))
         assert placed.box()[0][2] == pytest.approx(0, abs=1e-5)

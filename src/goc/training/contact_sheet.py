@@ -9,15 +9,15 @@ from jaxtyping import UInt8
 from goc.files import write_png
 from goc.report.canvas import FAINT, Canvas
 from goc.scene import Mesh, ObjectMesh
-from goc.training.masking import Masked
-from goc.training.pictures import shaded
-from goc.training.rivals import HULL, NETWORK, POISSON, Closed
+from goc.training.baselines import HULL, NETWORK, POISSON, Completion
+from goc.training.masking import MaskedObject
+from goc.training.thumbnails import shaded
 
 _SIZE, _HEAD, _LINE = 160, 22, 16
 _SEEN, _MADE, _TRUE = (0.65, 0.8, 0.65), (0.75, 0.8, 0.9), (0.85, 0.85, 0.85)
 
 
-class Sheet:
+class ContactSheet:
     """Lines of pictures of one size, with a head for each column and a caption for each line."""
 
     def __init__(self) -> None:
@@ -25,10 +25,10 @@ class Sheet:
         self._columns: list[str] = []
         self._lines: list[tuple[str, list[UInt8[np.ndarray, "h w 3"]]]] = []
 
-    def add(self, caption: str, seen: ObjectMesh, made: Mapping[str, Closed], masked: Masked) -> None:
+    def add(self, caption: str, seen: ObjectMesh, made: Mapping[str, Completion], masked: MaskedObject) -> None:
         """Draw one case: seen, hull, Poisson, the network where there is one, truth."""
         methods = [name for name in (HULL, POISSON, NETWORK) if name in made]
-        solid = masked.placed.solid.mesh
+        solid = masked.placed.shape.mesh
         placed = solid.vertices @ masked.placed.matrix.T + masked.placed.shift
         mirrored = np.linalg.det(masked.placed.matrix) < 0
         faces = np.ascontiguousarray(solid.faces[:, ::-1]) if mirrored else solid.faces

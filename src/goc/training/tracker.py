@@ -13,7 +13,7 @@ from goc.files import write_png
 CURVES = "curves.jsonl"
 
 
-class Board:
+class Tracker:
     """Where a training writes what a person may look at."""
 
     def __init__(self, folder: Path, notify: Listener = ignore) -> None:

@@ -5,8 +5,8 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from goc.training.furniture import FURNITURE
-from goc.training.primitives import Body, Box, Cylinder, Ellipsoid, Lathe, Prism, Shrunk, Torus, Tube
-from goc.training.solids import Part, Solid, paint
+from goc.training.primitives import Box, Cylinder, Ellipsoid, Lathe, Primitive, Prism, Shrunk, Torus, Tube
+from goc.training.watertight_shape import CsgPart, WatertightShape, shape_from_parts
 
 Random = np.random.Generator
 
@@ -14,32 +14,32 @@ THINNEST = 0.018
 """No wall is thinner, in longest sides: the grid could not hold it."""
 
 
-def random_solid(random: Random, cells: int = 96) -> Solid:
+def random_shape(random: Random, cells: int = 96) -> WatertightShape:
     """A shape that nobody drew, longest side `cells` voxels; the same for the same state of `random`."""
     while True:
         kind = random.choice(len(_KINDS), p=_SHARES)
-        solid = paint(_KINDS[kind](random), cells)
+        solid = shape_from_parts(_KINDS[kind](random), cells)
         if solid is not None:
             return solid
 
 
-def _csg(random: Random) -> list[Part]:
+def _csg(random: Random) -> list[CsgPart]:
     """Two to seven bodies joined, some of them cut out."""
     tilted = random.random() < 0.4
-    parts = [Part(body=_body(random, 1.0), at=(0.0, 0.0, 0.0), turn=_turn(random, tilted))]
+    parts = [CsgPart(body=_body(random, 1.0), at=(0.0, 0.0, 0.0), turn=_turn(random, tilted))]
     for _ in range(random.integers(1, 7)):
         host = parts[random.integers(len(parts))]
-        at = np.array(host.at) + random.uniform(-0.9, 0.9, 3) * host.body.half()
+        at = np.array(host.at) + random.uniform(-0.9, 0.9, 3) * host.body.half_extent()
         body, turn = _body(random, random.uniform(0.25, 0.9)), _turn(random, tilted)
         if random.random() < 0.3:
-            parts.append(Part(body=body, at=tuple(at), turn=turn, does="cut"))
+            parts.append(CsgPart(body=body, at=tuple(at), turn=turn, operation="difference"))
         else:
             blend = float(random.uniform(0.02, 0.2)) if random.random() < 0.25 else 0.0
-            parts.append(Part(body=body, at=tuple(at), turn=turn, blend=blend))
+            parts.append(CsgPart(body=body, at=tuple(at), turn=turn, blend=blend))
     return parts
 
 
-def _body(random: Random, size: float) -> Body:
+def _body(random: Random, size: float) -> Primitive:
     sides = size * random.uniform(0.15, 1.0, 3)
     match random.integers(6):
         case 0 | 1:
@@ -84,24 +84,24 @@ def _outline(random: Random, width: float, depth: float) -> Float[np.ndarray, "k
     return corners * [width / 2, depth / 2]
 
 
-def _extrusion(random: Random) -> list[Part]:
+def _extrusion(random: Random) -> list[CsgPart]:
     """A profile drawn out, lying or standing, often with holes or a cavity."""
     width, depth, height = random.uniform(0.2, 1.0, 3)
     outline = _outline(random, width, depth)
     turn = Rotation.from_euler("xyz", random.integers(0, 4, 3) * np.pi / 2).as_matrix()
-    parts = [Part(body=Prism(outline, height), at=(0, 0, 0), turn=turn)]
+    parts = [CsgPart(body=Prism(outline, height), at=(0, 0, 0), turn=turn)]
     if random.random() < 0.4:  # hollow, open at one end
         inner = outline * random.uniform(0.6, 0.85)
         shift = turn @ np.array([0, 0, random.uniform(0.05, 0.3) * height])
-        parts.append(Part(body=Prism(inner, height), at=tuple(shift), turn=turn, does="cut"))
+        parts.append(CsgPart(body=Prism(inner, height), at=tuple(shift), turn=turn, operation="difference"))
     for _ in range(random.integers(0, 3)):
         bore = Cylinder(random.uniform(0.03, 0.15), 3.0)
         at = turn @ np.array([*random.uniform(-0.3, 0.3, 2) * [width, depth], 0])
-        parts.append(Part(body=bore, at=tuple(at), turn=turn, does="cut"))
+        parts.append(CsgPart(body=bore, at=tuple(at), turn=turn, operation="difference"))
     return parts
 
 
-def _lathe(random: Random) -> list[Part]:
+def _lathe(random: Random) -> list[CsgPart]:
     """Something turned: massive, or a vessel with a wall and an opening."""
     count = random.integers(3, 7)
     radii = random.uniform(0.1, 0.5, count)
@@ -113,20 +113,20 @@ def _lathe(random: Random) -> list[Part]:
     middle = line[-1, 1] / 2
     outer = np.concatenate([[[0, 0]], line, [[0, line[-1, 1]]]]) - [0, middle]
     at, turn = (0.0, 0.0, 0.0), None
-    parts = [Part(body=Lathe(outer), at=at, turn=turn)]
+    parts = [CsgPart(body=Lathe(outer), at=at, turn=turn)]
     wall = random.uniform(THINNEST * 1.2, 0.08) * max(line[-1, 1], 2 * radii.max())
     if random.random() < 0.3:
         handle = Torus(random.uniform(0.12, 0.25), random.uniform(0.02, 0.05))
         upright = Rotation.from_euler("x", np.pi / 2).as_matrix()
         place = (float(np.interp(middle, line[:, 1], line[:, 0])), 0.0, 0.0)
-        parts.append(Part(body=handle, at=place, turn=upright))
+        parts.append(CsgPart(body=handle, at=place, turn=upright))
     if random.random() < 0.7:  # the wall is even: the same profile, drawn on upwards, moved inwards
         drawn_on = np.concatenate([outer[:-1], [[line[-1, 0], middle + 1.0], [0, middle + 1.0]]])
-        parts.append(Part(body=Shrunk(Lathe(drawn_on), wall), at=at, turn=turn, does="cut"))
+        parts.append(CsgPart(body=Shrunk(Lathe(drawn_on), wall), at=at, turn=turn, operation="difference"))
     return parts
 
 
-def _shell(random: Random) -> list[Part]:
+def _shell(random: Random) -> list[CsgPart]:
     """A box or round vessel with thick or thin walls, open on one side, maybe with shelves or walls inside."""
     sides = random.uniform(0.3, 1.0, 3)
     wall = random.uniform(THINNEST * 1.2, 0.12) * sides.max()
@@ -143,7 +143,7 @@ def _shell(random: Random) -> list[Part]:
     if round_:
         shift = np.array([0, 0, way * wall * 1.5])
         hollow = Cylinder(max(sides[0] / 2 - wall, 0.05), sides[2] - wall)
-    parts = [Part(body=outer, at=(0, 0, 0)), Part(body=hollow, at=tuple(shift), does="cut")]
+    parts = [CsgPart(body=outer, at=(0, 0, 0)), CsgPart(body=hollow, at=tuple(shift), operation="difference")]
     for _ in range(random.integers(0, 4)):
         across = random.integers(3)
         plate = inner.copy()
@@ -152,36 +152,38 @@ def _shell(random: Random) -> list[Part]:
         at[across] += random.uniform(-0.35, 0.35) * sides[across]
         if not round_ and abs(at[across]) < sides[across] / 2 - wall:
             plate = np.minimum(plate, sides)
-            parts.append(Part(body=Box(tuple(plate)), at=tuple(np.clip(at, -(sides - plate) / 2, (sides - plate) / 2))))
+            parts.append(
+                CsgPart(body=Box(tuple(plate)), at=tuple(np.clip(at, -(sides - plate) / 2, (sides - plate) / 2)))
+            )
     return parts
 
 
-def _blob(random: Random) -> list[Part]:
+def _blob(random: Random) -> list[CsgPart]:
     """Round bodies grown together: toys, fruit, plush, plants."""
-    parts: list[Part] = []
+    parts: list[CsgPart] = []
     at = np.zeros(3)
     for _ in range(random.integers(2, 8)):
         body = Ellipsoid(tuple(random.uniform(0.1, 0.4, 3)))
-        parts.append(Part(body=body, at=tuple(at), turn=_turn(random, True), blend=float(random.uniform(0.03, 0.2))))
+        parts.append(CsgPart(body=body, at=tuple(at), turn=_turn(random, True), blend=float(random.uniform(0.03, 0.2))))
         at = at + random.normal(0, 0.2, 3)
     if random.random() < 0.3:
-        parts.append(Part(body=Box((3, 3, 3)), at=(0, 0, 1.5 - random.uniform(0, 0.2)), does="keep"))
+        parts.append(CsgPart(body=Box((3, 3, 3)), at=(0, 0, 1.5 - random.uniform(0, 0.2)), operation="intersection"))
     return parts
 
 
-def _wire(random: Random) -> list[Part]:
+def _wire(random: Random) -> list[CsgPart]:
     """Bars along bent lines, sometimes with a body on them."""
     parts = []
     for _ in range(random.integers(1, 5)):
         steps = random.normal(0, 0.3, (random.integers(2, 6), 3))
         line = np.cumsum(steps, 0)
-        parts.append(Part(body=Tube(line - line.mean(0), random.uniform(0.02, 0.08)), at=(0, 0, 0)))
+        parts.append(CsgPart(body=Tube(line - line.mean(0), random.uniform(0.02, 0.08)), at=(0, 0, 0)))
     if random.random() < 0.6:
-        parts.append(Part(body=_body(random, 0.6), at=tuple(random.uniform(-0.2, 0.2, 3))))
+        parts.append(CsgPart(body=_body(random, 0.6), at=tuple(random.uniform(-0.2, 0.2, 3))))
     return parts
 
 
-def _furniture(random: Random) -> list[Part]:
+def _furniture(random: Random) -> list[CsgPart]:
     return FURNITURE[random.integers(len(FURNITURE))](random)
 
 

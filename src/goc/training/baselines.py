@@ -30,7 +30,7 @@ from goc.geometry.isosurface import grid_surface
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.surfaces import surface_cloud, vertex_normals
 from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
-from goc.training.masking import Masked
+from goc.training.masking import MaskedObject
 from goc.training.samples import true_distance
 
 Grid = Float32[np.ndarray, "x y z"]
@@ -41,7 +41,7 @@ _POISSON_POINTS = 30_000
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Closed:
+class Completion:
     """What one method made of one object, in the frame of its cube."""
 
     mesh: Mesh
@@ -58,7 +58,7 @@ class Closed:
         return ndimage.map_coordinates(self.distance, at, order=1, mode="constant", cval=BAND) < 0
 
 
-def measured_object(masked: Masked) -> ObjectMesh | None:
+def measured_object(masked: MaskedObject) -> ObjectMesh | None:
     """A masked object as extraction hands it to completion: its open measured mesh, and its evidence; cube's frame.
 
     Returns:
@@ -86,8 +86,8 @@ def measured_object(masked: Masked) -> ObjectMesh | None:
 
 
 def completions(
-    found: ObjectMesh, masked: Masked, network: Completer | None, threshold: float
-) -> Iterator[tuple[str, Closed]]:
+    found: ObjectMesh, masked: MaskedObject, network: Completer | None, threshold: float
+) -> Iterator[tuple[str, Completion]]:
     """Every method's answer for one object, by name; the last knows the truth and bounds what any could reach."""
     yield "nothing", replace(_composed(found, _nothing), mesh=found.mesh, seconds=0.0)
     yield "convex hull", _composed(found, _convex)
@@ -102,15 +102,15 @@ def completions(
     yield "perfect guess", _composed(found, lambda seen: _true(seen, masked))
 
 
-def _composed(found: ObjectMesh, fill: Callable[[ObjectMesh], Grid | None]) -> Closed:
+def _composed(found: ObjectMesh, fill: Callable[[ObjectMesh], Grid | None]) -> Completion:
     started = time.perf_counter()
     composed = compose_field(with_margin(found.evidence), fill(found), found.mesh.vertices)
     mesh = closed_object(found, composed).mesh
     seconds = time.perf_counter() - started
-    return Closed(mesh=mesh, distance=composed.distance, grid=composed.evidence, seconds=seconds)
+    return Completion(mesh=mesh, distance=composed.distance, grid=composed.evidence, seconds=seconds)
 
 
-def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Closed:
+def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Completion:
     """What a network says, in its whole cube, whatever was measured."""
     started = time.perf_counter()
     points, voxel = found.mesh.vertices, found.evidence.voxel
@@ -127,7 +127,7 @@ def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Closed:
     )
     vertices, faces = grid_surface(distance, grid.origin, grid.voxel)
     seconds = time.perf_counter() - started
-    return Closed(mesh=Mesh(vertices=vertices, faces=faces), distance=distance, grid=grid, seconds=seconds)
+    return Completion(mesh=Mesh(vertices=vertices, faces=faces), distance=distance, grid=grid, seconds=seconds)
 
 
 def _nothing(found: ObjectMesh) -> Grid:
@@ -161,7 +161,7 @@ def _convex(found: ObjectMesh) -> Grid:
     return result
 
 
-def _true(found: ObjectMesh, masked: Masked) -> Grid:
+def _true(found: ObjectMesh, masked: MaskedObject) -> Grid:
     grid = with_margin(found.evidence)
     points = (grid.origin + grid.voxel * np.argwhere(np.ones(grid.state.shape, bool))).astype(np.float32)
     return (true_distance(masked, points) / np.float32(grid.voxel)).reshape(grid.state.shape)
