@@ -8,13 +8,13 @@ from PIL import Image
 
 from goc.files import write_mesh
 from goc.scene import Mesh
-from goc.synth.shapes import Solid, ball, cylinder, rounded_box
+from goc.synth.shapes import PartMesh, ball, cylinder, rounded_box
 
 TEXTURE = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [200, 200, 200]]], np.uint8)
 """Upper left red, upper right green, lower left blue, lower right grey."""
 
 
-def mesh_of(solid: Solid, colour=(200, 60, 60)) -> Mesh:
+def mesh_of(solid: PartMesh, colour=(200, 60, 60)) -> Mesh:
     """A solid as a coloured mesh."""
     colours = np.broadcast_to(np.array(colour, np.uint8), solid.vertices.shape)
     return Mesh(
@@ -22,14 +22,14 @@ def mesh_of(solid: Solid, colour=(200, 60, 60)) -> Mesh:
     )
 
 
-def joined(*solids: Solid) -> Solid:
+def joined(*solids: PartMesh) -> PartMesh:
     """Several solids as one."""
     starts = np.cumsum([0] + [len(solid.vertices) for solid in solids])
     faces = [solid.faces + start for solid, start in zip(solids, starts, strict=False)]
-    return Solid(vertices=np.concatenate([solid.vertices for solid in solids]), faces=np.concatenate(faces))
+    return PartMesh(vertices=np.concatenate([solid.vertices for solid in solids]), faces=np.concatenate(faces))
 
 
-def table(width=1.1, depth=0.7, height=0.7) -> Solid:
+def table(width=1.1, depth=0.7, height=0.7) -> PartMesh:
     """A plate on four legs."""
     legs = [
         cylinder(0.03, height - 0.04).moved(sx * (width / 2 - 0.05), sy * (depth / 2 - 0.05))
@@ -39,7 +39,7 @@ def table(width=1.1, depth=0.7, height=0.7) -> Solid:
     return joined(rounded_box((width, depth, 0.04)).moved(z=height - 0.04), *legs)
 
 
-def chair() -> Solid:
+def chair() -> PartMesh:
     """A seat on a block, with a back towards +x."""
     return joined(rounded_box((0.42, 0.42, 0.44)), rounded_box((0.05, 0.42, 0.46)).moved(x=0.185, z=0.441))
 
@@ -76,5 +76,5 @@ def write_folder(folder: Path) -> Path:
     return folder
 
 
-def _arrays(solid: Solid):
+def _arrays(solid: PartMesh):
     return solid.vertices, solid.faces

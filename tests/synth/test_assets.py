@@ -40,7 +40,7 @@ def test_things_are_stood_upright_in_metres_with_their_back_behind(tmp_path):
     low, high = asset.model.bounds
     np.testing.assert_allclose(low, [-0.21, -0.21, 0], atol=1e-5)
     np.testing.assert_allclose(high, [0.21, 0.21, 0.901], atol=1e-5)
-    points = asset.model.parts[0].solid.vertices
+    points = asset.model.parts[0].mesh.vertices
     assert asset.has_back and points[points[:, 2] > 0.8, 1].min() > 0.1
     assert asset.is_large and asset.is_support and asset.model.tops[0].z == pytest.approx(0.44, abs=0.004)
 
@@ -55,7 +55,7 @@ def test_a_textured_thing_keeps_its_texture_and_is_written_welded(tmp_path):
     textured_box().export(tmp_path / "box.glb")
     asset = make_asset(read_mesh_pieces(tmp_path / "box.glb"), "box", source(tmp_path))
     item = asset.model.parts[0]
-    look = item.material.look(np.array([[0.25, 0.75, 0.0]]))
+    look = item.material.appearance(np.array([[0.25, 0.75, 0.0]]))
     np.testing.assert_allclose(look.colour, [[0.85, 0, 0]], atol=1e-6)  # red, as bright as a surface can be
     mesh = model_mesh(asset.model)
     assert len(mesh.vertices) == 8 and trouble(mesh.vertices.astype(float), mesh.faces) == ""

@@ -5,9 +5,9 @@ import pytest
 
 from goc.synth.lighting import AreaLight, direct_light, light_on, sequence
 from goc.synth.materials import Paint
-from goc.synth.model import Model, part, placed
+from goc.synth.model import Model, make_part, placed
 from goc.synth.shapes import rounded_box
-from goc.synth.surfaces import Spots, centre_spots, gather_surfaces
+from goc.synth.surfaces import ShadingPoints, gather_surfaces, triangle_centres
 
 LIGHT = AreaLight(
     centre=np.array([0.0, 0.0, 2.0]),
@@ -20,13 +20,13 @@ LIGHT = AreaLight(
 
 def slab(z):
     """A closed plate whose top lies at z."""
-    plate = placed(part(rounded_box((4.0, 4.0, 0.1)), Paint(base=(0.5, 0.5, 0.5)), smooth=False), z=z - 0.1)
+    plate = placed(make_part(rounded_box((4.0, 4.0, 0.1)), Paint(base=(0.5, 0.5, 0.5)), smooth=False), z=z - 0.1)
     return Model(name="slab", parts=(plate,))
 
 
 def spot_at_origin():
     up = np.array([[0.0, 0.0, 1.0]])
-    return Spots(
+    return ShadingPoints(
         positions=np.zeros((1, 3)),
         normals=up,
         face_normals=up,
@@ -57,7 +57,7 @@ def test_what_is_covered_or_faces_away_is_dark():
 
 def test_in_a_room_that_shines_evenly_every_open_spot_receives_that_light(lit):
     even = replace(lit, lights=(), radiance=np.ones_like(lit.radiance))
-    spots = centre_spots(lit.surfaces)[np.flatnonzero(lit.surfaces.owner == 0)]
+    spots = triangle_centres(lit.surfaces)[np.flatnonzero(lit.surfaces.owner == 0)]
     light = light_on(even, spots, np.zeros(len(spots), np.int64), 16)
     assert light.max() <= 1 + 1e-6
     assert np.median(light) == pytest.approx(1.0, abs=1e-6)  # walls that nothing touches; corners lose a ray or two

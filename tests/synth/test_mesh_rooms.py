@@ -14,8 +14,8 @@ from goc.events import Warned, ignore
 from goc.files import read_ids, read_image, read_mesh, write_mesh
 from goc.synth.assets import MeshFolder
 from goc.synth.captures import RoomConfig, make_room_capture
+from goc.synth.collision import collision_mesh
 from goc.synth.mesh_room import furnish_with_meshes
-from goc.synth.overlap import hull_of
 from goc.synth.shapes import rounded_box
 from meshfolder import mesh_of, write_folder
 from oracles import raycast as oracle
@@ -49,7 +49,7 @@ def room(meshes):
 
 def solids(room):
     """Vertices and faces of each thing, as the oracle wants them."""
-    hulls = {key: hull_of(model).scene for key, model in room.objects.items()}
+    hulls = {key: collision_mesh(model).scene for key, model in room.objects.items()}
     return {key: (scene.vertices.astype(float), scene.faces) for key, scene in hulls.items()}
 
 
@@ -59,7 +59,7 @@ def digests(folder):
 
 
 def test_no_two_things_share_space(room):
-    """Twin of goc.synth.overlap: every edge against every triangle, with a lift of a millimetre where things touch."""
+    """Twin of goc.synth.collision: every edge against every triangle, lifted by a millimetre where things touch."""
     shapes = solids(room)
     compared = 0
     for a, (mine, faces) in shapes.items():

@@ -34,7 +34,7 @@ SIZES = {
 def test_things_are_closed_and_have_the_size_of_their_kind(make, seed):
     rng = np.random.default_rng(seed)
     model = make(rng, choose_style(rng))
-    assert {trouble(part.solid.vertices, part.solid.faces) for part in model.parts} == {""}
+    assert {trouble(part.mesh.vertices, part.mesh.faces) for part in model.parts} == {""}
     low, high = model.bounds
     least, greatest = SIZES[make]
     assert ((high - low) >= np.array(least)).all() and ((high - low) <= np.array(greatest)).all(), high - low

@@ -7,7 +7,7 @@ from goc.errors import ConfigError
 from goc.geometry.raycast import TriangleScene
 from goc.synth import room as room_module
 from goc.synth.cameras import CLEARANCE, camera_path
-from goc.synth.layout import Footprint
+from goc.synth.layout import UprightBox
 from goc.synth.model import mesh_of
 from goc.synth.room import furnish_room
 from oracles.watertight import signed_volume, trouble
@@ -20,9 +20,9 @@ def inside_parts(model, points):
     inside = np.zeros(len(points), bool)
     up = np.broadcast_to(np.array([0.0123, 0.0217, 1.0]), points.shape)
     for item in model.parts:
-        corners = item.solid.vertices[item.solid.faces]
+        corners = item.mesh.vertices[item.mesh.faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        hits = TriangleScene(item.solid.vertices.astype(np.float32), item.solid.faces).closest_hit(points, up)
+        hits = TriangleScene(item.mesh.vertices.astype(np.float32), item.mesh.faces).closest_hit(points, up)
         inside |= hits.found & ((normals[hits.triangle] * up).sum(-1) > 0)
     return inside
 
@@ -31,7 +31,7 @@ def just_inside(model, depth=0.002):
     """Points `depth` under the surface, at all face centres."""
     points = []
     for item in model.parts:
-        corners = item.solid.vertices[item.solid.faces]
+        corners = item.mesh.vertices[item.mesh.faces]
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         points.append(corners.mean(1) - depth * normals / np.linalg.norm(normals, axis=-1, keepdims=True))
     return np.concatenate(points)
@@ -70,11 +70,11 @@ def test_more_objects_than_fit_are_refused(monkeypatch):
     ("x", "yaw", "apart"), [(1.9, 0.0, False), (2.05, 0.0, True), (2.05, 0.8, False), (2.5, 0.8, True)]
 )
 def test_footprints_are_apart_when_some_side_separates_them(x, yaw, apart):
-    first = Footprint(centre=np.zeros(2), half=np.ones(2), yaw=0.0, low=0.0, high=1.0)
-    second = Footprint(centre=np.array([x, 0.0]), half=np.ones(2), yaw=yaw, low=0.5, high=2.0)
+    first = UprightBox(centre=np.zeros(2), half=np.ones(2), yaw=0.0, low=0.0, high=1.0)
+    second = UprightBox(centre=np.array([x, 0.0]), half=np.ones(2), yaw=yaw, low=0.5, high=2.0)
     assert first.apart(second, 0.0) is apart
     assert second.apart(first, 0.0) is apart
-    above = Footprint(centre=np.zeros(2), half=np.ones(2), yaw=0.3, low=1.0, high=2.0)
+    above = UprightBox(centre=np.zeros(2), half=np.ones(2), yaw=0.3, low=1.0, high=2.0)
     assert first.apart(above, 0.5)
 
 

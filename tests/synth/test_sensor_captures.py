@@ -10,7 +10,7 @@ from goc.errors import CaptureError, ConfigError, ExportError, FileError
 from goc.files.images import read_depth, read_ids, read_image
 from goc.synth.sensor import (
     ImageFaults,
-    Monocular,
+    MonocularDepth,
     PoseFaults,
     SensorConfig,
     StructuredLight,
@@ -19,7 +19,7 @@ from goc.synth.sensor import (
 
 EVERYTHING = SensorConfig(
     seed=4,
-    depth=Monocular(normals=True),
+    depth=MonocularDepth(normals=True),
     image=ImageFaults(blur_px=2.0, exposure_ev=0.3),
     pose=PoseFaults(rotation_deg=1.0, translation_m=0.01),
     masks=0.3,
@@ -64,7 +64,7 @@ def test_what_no_fault_touches_stays(capture, tmp_path):
 def test_depth_comes_back_with_the_kept_scale_and_offset(capture, degraded):
     document = json.loads((degraded / "transforms.json").read_text())
     truth = json.loads((degraded / "gt/sensor.json").read_text())
-    assert document["depth_kind"] == "affine" and truth["model"] == "Monocular"
+    assert document["depth_kind"] == "affine" and truth["model"] == "MonocularDepth"
     for frame in document["frames"][:3]:
         guess = read_depth(degraded / frame["depth_file_path"], document["depth_unit_scale_factor"])
         exact = read_depth(capture / frame["depth_file_path"])

@@ -8,7 +8,7 @@ from goc.scene import ROOM, UNLABELLED, Camera
 from goc.synth.sensor import (
     ImageFaults,
     Lidar,
-    Monocular,
+    MonocularDepth,
     PoseFaults,
     SensorConfig,
     StructuredLight,
@@ -18,7 +18,7 @@ from goc.synth.sensor import (
     monocular_depth,
     monocular_normals,
     motion_blur,
-    shake,
+    perturb_pose,
     structured_light_depth,
 )
 
@@ -134,7 +134,7 @@ def test_phone_noise_at_the_middles_of_cells_is_as_stated():
 
 @pytest.mark.parametrize("kind", ["affine", "inverse"])
 def test_monocular_depth_is_exact_up_to_its_own_scale_and_offset(kind):
-    config = Monocular(kind=kind, waves=0.0, blur_px=0.0, noise=0.0)
+    config = MonocularDepth(kind=kind, waves=0.0, blur_px=0.0, noise=0.0)
     depth = tilted(40.0)
     stored = monocular_depth(depth, config, rng(3))
     value = stored.values / 65535
@@ -146,20 +146,20 @@ def test_monocular_depth_is_exact_up_to_its_own_scale_and_offset(kind):
 
 
 def test_monocular_values_tell_no_depth():
-    near = monocular_depth(tilted(40.0, 1.0), Monocular(), rng(5))
-    far = monocular_depth(tilted(40.0, 3.0), Monocular(), rng(5))
+    near = monocular_depth(tilted(40.0, 1.0), MonocularDepth(), rng(5))
+    far = monocular_depth(tilted(40.0, 3.0), MonocularDepth(), rng(5))
     assert np.abs(near.values.astype(int) - far.values).max() <= 1  # the same picture at three times the size
     assert far.scale == pytest.approx(3 * near.scale)
     assert (
-        monocular_depth(tilted(40.0), Monocular(), rng(6)).offset
-        != monocular_depth(tilted(40.0), Monocular(), rng(7)).offset
+        monocular_depth(tilted(40.0), MonocularDepth(), rng(6)).offset
+        != monocular_depth(tilted(40.0), MonocularDepth(), rng(7)).offset
     )
 
 
 def test_monocular_waves_and_noise_are_as_strong_as_stated():
     def relative(**strength):
         off = {"waves": 0.0, "blur_px": 0.0, "noise": 0.0}
-        stored = monocular_depth(flat(2.0), Monocular(**(off | strength)), rng(1))
+        stored = monocular_depth(flat(2.0), MonocularDepth(**(off | strength)), rng(1))
         return (stored.scale * stored.values / 65535 + stored.offset) / 2 - 1
 
     waves = relative(waves=0.05)
@@ -171,20 +171,20 @@ def test_monocular_waves_and_noise_are_as_strong_as_stated():
 def test_monocular_holes_stay_holes_and_lend_nothing():
     depth = flat(2.0)
     depth[20:40, 30:50] = np.nan
-    stored = monocular_depth(depth, Monocular(waves=0.0, noise=0.0), rng())
+    stored = monocular_depth(depth, MonocularDepth(waves=0.0, noise=0.0), rng())
     assert (stored.values == 0).sum() == 400 and np.ptp(stored.values[stored.values > 0]) <= 1
-    assert (monocular_depth(np.full((8, 8), np.nan), Monocular(), rng()).values == 0).all()
+    assert (monocular_depth(np.full((8, 8), np.nan), MonocularDepth(), rng()).values == 0).all()
 
 
 def test_monocular_normals_are_off_by_the_stated_angle():
     exact = np.array([np.sin(np.radians(30)), 0, -np.cos(np.radians(30))])
     angles = []
     for seed in range(8):
-        normals = monocular_normals(tilted(30.0), CAMERA, Monocular(normal_error_deg=6.0), rng(seed))
+        normals = monocular_normals(tilted(30.0), CAMERA, MonocularDepth(normal_error_deg=6.0), rng(seed))
         angles.append(np.degrees(np.arccos(np.clip(normals @ exact, -1, 1))))
     # Of a rotation by an angle about a random axis, a given direction feels √(2/3).
     assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(6 * np.sqrt(2 / 3), rel=0.15)
-    clean = monocular_normals(tilted(30.0), CAMERA, Monocular(normal_error_deg=0.0), rng())
+    clean = monocular_normals(tilted(30.0), CAMERA, MonocularDepth(normal_error_deg=0.0), rng())
     np.testing.assert_allclose(clean, np.broadcast_to(exact, clean.shape), atol=1e-3)
 
 
@@ -207,7 +207,7 @@ def test_one_stop_doubles_the_light():
 
 def test_poses_are_turned_and_shifted_by_the_stated_amounts():
     config, pose = PoseFaults(rotation_deg=2.0, translation_m=0.03), np.eye(4)
-    noisy = np.stack([shake(pose, config, rng(i)) for i in range(2000)])
+    noisy = np.stack([perturb_pose(pose, config, rng(i)) for i in range(2000)])
     angles = np.degrees(np.arccos(np.clip((np.trace(noisy[:, :3, :3], axis1=1, axis2=2) - 1) / 2, -1, 1)))
     assert np.sqrt(np.mean(angles**2)) == pytest.approx(2.0, rel=0.05)
     assert np.sqrt(np.mean(np.sum(noisy[:, :3, 3] ** 2, -1))) == pytest.approx(0.03, rel=0.05)
@@ -277,7 +277,7 @@ def test_masks_grow_and_shrink_by_2_to_6_pixels():
         (lambda: StructuredLight(noise_m=-1.0), "--kinect.noise-m is -1: needs 0 to 1"),
         (lambda: StructuredLight(max_m=0.1), "--kinect.max-m is 0.1: needs 0.4"),
         (lambda: Lidar(columns=1), "--phone.columns is 1"),
-        (lambda: Monocular(waves=float("nan")), "--monocular.waves is nan"),
+        (lambda: MonocularDepth(waves=float("nan")), "--monocular.waves is nan"),
         (lambda: ImageFaults(exposure_ev=9.0), "--image.exposure-ev is 9"),
         (lambda: PoseFaults(rotation_deg=91.0), "--pose.rotation-deg is 91"),
         (lambda: SensorConfig(masks=1.1), "--masks is 1.1: needs 0 to 1"),

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from goc.geometry.raycast import TriangleScene
+from goc.synth.collision import collision_mesh, height_above, interpenetrate
 from goc.synth.materials import Paint
-from goc.synth.model import Model, part, placed
-from goc.synth.overlap import height_above, hull_of, interpenetrate
+from goc.synth.model import Model, make_part, placed
 from goc.synth.shapes import ball, lathe, rounded_box
 from goc.synth.tops import find_tops, largest_rectangle
 from meshfolder import joined, table
@@ -15,7 +15,7 @@ def scene_of(solid):
 
 
 def hull(solid, x=0.0, y=0.0, z=0.0):
-    return hull_of(Model(name="x", parts=(placed(part(solid, Paint(base=(0.5, 0.5, 0.5))), x, y, z),)))
+    return collision_mesh(Model(name="x", parts=(placed(make_part(solid, Paint(base=(0.5, 0.5, 0.5))), x, y, z),)))
 
 
 def test_the_top_of_a_table_is_its_plate():

@@ -10,14 +10,14 @@ from goc.bench.plan import MADE, Run
 from goc.events import Listener
 from goc.files import is_file
 from goc.synth.captures import RoomConfig, make_room_capture
-from goc.synth.sensor import MODELS, Monocular, SensorConfig, degrade_capture
+from goc.synth.sensor import MODELS, MonocularDepth, SensorConfig, degrade_capture
 
 _ROOM = RoomConfig(views=170, sparse_views=50, width=384, height=384, objects=10)
 """The shape of the paper's rooms."""
 _SPOILED_MASKS = 0.1
 _FAULTS = {
     "kinect": SensorConfig(depth=MODELS["kinect"]),
-    "affine": SensorConfig(depth=Monocular(waves=0.0)),
+    "affine": SensorConfig(depth=MonocularDepth(waves=0.0)),
     "monocular": SensorConfig(depth=MODELS["monocular"]),
     "masks": SensorConfig(masks=_SPOILED_MASKS),
 }

@@ -15,7 +15,7 @@ from goc.synth.captures import RoomConfig, make_room_capture
 from goc.synth.sensor import (
     ImageFaults,
     Lidar,
-    Monocular,
+    MonocularDepth,
     PoseFaults,
     SensorConfig,
     StructuredLight,
@@ -116,7 +116,7 @@ class Sensor:
     """Of all randomness."""
     kinect: StructuredLight = field(default_factory=StructuredLight)
     phone: Lidar = field(default_factory=Lidar)
-    monocular: Monocular = field(default_factory=Monocular)
+    monocular: MonocularDepth = field(default_factory=MonocularDepth)
     image: ImageFaults = field(default_factory=ImageFaults)
     pose: PoseFaults = field(default_factory=PoseFaults)
 

@@ -17,9 +17,9 @@ from goc.events import Listener, Warned
 from goc.files import MESH_SUFFIXES, is_file, is_folder, read_bytes
 from goc.files.any_mesh import MeshPiece, read_mesh_pieces
 from goc.geometry.raycast import TriangleScene
-from goc.synth.model import Model, Part
-from goc.synth.scans import painted
-from goc.synth.shapes import Solid
+from goc.synth.model import Model, ModelPart
+from goc.synth.scanned_materials import material_of
+from goc.synth.shapes import PartMesh
 from goc.synth.tops import find_tops
 from goc.synth.vectors import length, unit
 
@@ -182,9 +182,9 @@ def make_asset(pieces: tuple[MeshPiece, ...], name: str, source: MeshFolder) -> 
     counts = np.cumsum([len(each) for each in faces])[:-1]
     parts = []
     for piece, place, own, start in zip(pieces, vertices, np.split(outward, counts), starts, strict=False):
-        material, texture = painted(piece)
-        solid = Solid(vertices=place, faces=own - start)
-        parts.append(Part(solid=solid, material=material, texture=texture, scanned=True))
+        material, texture = material_of(piece)
+        mesh = PartMesh(vertices=place, faces=own - start)
+        parts.append(ModelPart(mesh=mesh, material=material, texture=texture, scanned=True))
     scene = TriangleScene(np.concatenate(vertices).astype(np.float32), outward)
     return Asset(model=Model(name=name, parts=tuple(parts), tops=find_tops(scene)), has_back=has_back)
 

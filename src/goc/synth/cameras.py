@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Camera
 from goc.synth.model import Model
-from goc.synth.room import Room
+from goc.synth.room import FurnishedRoom
 
 CLEARANCE = 0.32
 """Metres that a camera keeps from every surface."""
@@ -19,7 +19,9 @@ Pose = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
 """Where a camera is and what point it looks at."""
 
 
-def camera_path(room: Room, scene: TriangleScene, views: int, width: int, height: int, seed: int) -> tuple[Camera, ...]:
+def camera_path(
+    room: FurnishedRoom, scene: TriangleScene, views: int, width: int, height: int, seed: int
+) -> tuple[Camera, ...]:
     """Posed cameras that together see the whole room and every object from several sides.
 
     Half of the views go round the room near its walls and look across it; a fifth stand near its middle and look
@@ -63,7 +65,7 @@ def _camera(eye: np.ndarray, target: np.ndarray, focal: float, size: tuple[int, 
     )
 
 
-def _round_trip(room: Room, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
+def _round_trip(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
     """Once and a half round an oval near the walls, looking at the middle of the room, the hand rising and sinking."""
     poses = []
     reach = room.size.half[:2] - 0.5
@@ -82,7 +84,7 @@ def _round_trip(room: Room, scene: TriangleScene, count: int, rng: Rng) -> list[
     return poses
 
 
-def _look_outward(room: Room, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
+def _look_outward(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
     """Turning round near the middle of the room, looking at the walls and what stands before them."""
     poses = []
     for i in range(count):
@@ -97,7 +99,7 @@ def _look_outward(room: Room, scene: TriangleScene, count: int, rng: Rng) -> lis
     return poses
 
 
-def _close_looks(room: Room, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
+def _close_looks(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
     """Each object in turn, from where most of it is seen and from a side it was not yet looked at."""
     poses: list[Pose] = []
     looked: dict[int, list[np.ndarray]] = {key: [] for key in room.objects}

@@ -18,8 +18,8 @@ from goc.synth.folders import check_new
 from goc.synth.lighting import bake
 from goc.synth.mesh_room import furnish_with_meshes
 from goc.synth.model import mesh_of
-from goc.synth.render import View, render_view
-from goc.synth.room import Room, furnish_room
+from goc.synth.render import RenderedView, render_view
+from goc.synth.room import FurnishedRoom, furnish_room
 from goc.synth.surfaces import gather_surfaces
 from goc.synth.truth import true_samples
 
@@ -122,7 +122,7 @@ def make_room_capture(folder: Path, config: RoomConfig, notify: Listener = ignor
     return folder
 
 
-def _write_truth(folder: Path, room: Room) -> None:
+def _write_truth(folder: Path, room: FurnishedRoom) -> None:
     write_mesh(folder / "gt" / "room.ply", mesh_of(room.shell))
     for key, model in room.objects.items():
         write_mesh(folder / "gt" / "objects" / f"{key}.ply", mesh_of(model))
@@ -136,7 +136,7 @@ def _write_samples(folder: Path, samples: dict[str, np.ndarray]) -> None:
     write_bytes(folder / "gt" / "points.npz", archive.getvalue())
 
 
-def _write_view(folder: Path, index: int, view: View, config: RoomConfig) -> None:
+def _write_view(folder: Path, index: int, view: RenderedView, config: RoomConfig) -> None:
     write_image(folder / "images" / f"{index:04}.{config.images}", view.colour)
     write_depth(folder / "depth" / f"{index:04}.png", view.depth)
     write_ids(folder / "instance" / f"{index:04}.png", view.ids)

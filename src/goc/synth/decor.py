@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from goc.synth.materials import Book, Gores, Leaf, Material, Paint, Shade, Stripes, linear
-from goc.synth.model import Model, Part, part, placed, tilted
-from goc.synth.shapes import Solid, ball, cylinder, lathe, rounded_box, smooth_profile, tube
+from goc.synth.materials import BeachBall, Book, LampShade, Leaf, Material, Paint, Stripes, linear
+from goc.synth.model import Model, ModelPart, make_part, placed, tilted
+from goc.synth.shapes import PartMesh, ball, cylinder, lathe, rounded_box, smooth_profile, tube
 from goc.synth.style import METAL, WHITE, Style
 
 Rng = np.random.Generator
@@ -15,9 +15,9 @@ def floor_lamp(rng: Rng, style: Style) -> Model:
     height, radius = float(rng.uniform(1.45, 1.6)), float(rng.uniform(0.19, 0.23))
     bottom = height - float(rng.uniform(0.26, 0.32))
     parts = [
-        part(cylinder(0.15, 0.025, 0.006, 40), METAL),
-        placed(part(cylinder(0.014, bottom - 0.0, 0.002, 16), METAL), z=0.02),
-        part(_lamp_shade(radius, 0.8 * radius, bottom, height), _cloth_shade((bottom + height) / 2)),
+        make_part(cylinder(0.15, 0.025, 0.006, 40), METAL),
+        placed(make_part(cylinder(0.014, bottom - 0.0, 0.002, 16), METAL), z=0.02),
+        make_part(_lamp_shade(radius, 0.8 * radius, bottom, height), _cloth_shade((bottom + height) / 2)),
     ]
     return Model(name="floor lamp", parts=tuple(parts))
 
@@ -27,16 +27,16 @@ def table_lamp(rng: Rng, style: Style) -> Model:
     foot = smooth_profile([(0, 0), (0.055, 0), (0.075, 0.06), (0.03, 0.15), (0.012, 0.2), (0.012, 0.26), (0, 0.26)])
     glaze = Paint(base=style.accent(3), unevenness=0.12, scale=14.0, gloss=0.07)
     height, radius = float(rng.uniform(0.38, 0.44)), float(rng.uniform(0.12, 0.15))
-    shade = part(_lamp_shade(radius, 0.75 * radius, 0.23, height), _cloth_shade(0.3))
-    return Model(name="table lamp", parts=(part(lathe(foot), glaze), shade))
+    shade = make_part(_lamp_shade(radius, 0.75 * radius, 0.23, height), _cloth_shade(0.3))
+    return Model(name="table lamp", parts=(make_part(lathe(foot), glaze), shade))
 
 
-def _cloth_shade(middle: float) -> Shade:
-    return Shade(base=linear("efe2c6"), light=linear("ffd9a0"), strength=0.75, middle=middle)
+def _cloth_shade(middle: float) -> LampShade:
+    return LampShade(base=linear("efe2c6"), light=linear("ffd9a0"), strength=0.75, middle=middle)
 
 
-def _lamp_shade(low: float, high: float, bottom: float, top: float) -> Solid:
-    """A conical wall, open above and below, with a thin disc across its middle that closes the solid."""
+def _lamp_shade(low: float, high: float, bottom: float, top: float) -> PartMesh:
+    """A conical wall, open above and below, with a thin disc across its middle that closes the mesh."""
     wall, middle = 0.008, 0.55 * bottom + 0.45 * top
     at_middle = 0.55 * low + 0.45 * high - wall
     points = [(0, middle), (at_middle, middle), (low - wall, bottom), (low, bottom), (high, top), (high - wall, top)]
@@ -53,9 +53,11 @@ def plant(rng: Rng, style: Style) -> Model:
     height = float(rng.uniform(0.85, 1.1))
     stem = np.array([[0, 0, pot_height - 0.06], [0.02, 0.01, 0.6 * height], [-0.01, 0.02, 0.92 * height]])
     parts = [
-        part(lathe(np.array([*outline, (0, pot_height - 0.05)]), 40), glaze),
-        placed(part(cylinder(pot - 0.034, 0.02), earth), z=pot_height - 0.062),
-        part(tube(stem, np.array([0.018, 0.014, 0.009])), Paint(base=linear("6d5a3a"), unevenness=0.2, scale=40.0)),
+        make_part(lathe(np.array([*outline, (0, pot_height - 0.05)]), 40), glaze),
+        placed(make_part(cylinder(pot - 0.034, 0.02), earth), z=pot_height - 0.062),
+        make_part(
+            tube(stem, np.array([0.018, 0.014, 0.009])), Paint(base=linear("6d5a3a"), unevenness=0.2, scale=40.0)
+        ),
     ]
     count = int(rng.integers(11, 15))
     for i in range(count):
@@ -70,23 +72,23 @@ def plant(rng: Rng, style: Style) -> Model:
     return Model(name="plant", parts=tuple(parts))
 
 
-def _leaf(length: float, width: float, material: Leaf, variant: float) -> Part:
+def _leaf(length: float, width: float, material: Leaf, variant: float) -> ModelPart:
     """A pointed, drooping leaf along +x with its stalk, 8 mm thick so that sensors can measure it."""
-    solid = ball(0.5, 20)
-    x, y, z = (solid.vertices - np.array([0, 0, 0.5])).T * 2
+    mesh = ball(0.5, 20)
+    x, y, z = (mesh.vertices - np.array([0, 0, 0.5])).T * 2
     along = (x + 1) / 2
     flat = np.stack([along * length, y * width / 2 * (1 - 0.35 * along), 0.006 * z], -1)
     texture = flat + np.array([0, 0, 0.37 * variant])
     lifted = flat + np.stack([0 * along, 0 * along, -0.3 * length * along**2 + 0.1 * np.abs(flat[:, 1])], -1)
-    shape = Solid(vertices=lifted, faces=solid.faces)
-    return Part(solid=shape, material=material, texture=texture)
+    shape = PartMesh(vertices=lifted, faces=mesh.faces)
+    return ModelPart(mesh=shape, material=material, texture=texture)
 
 
 def ball_toy(rng: Rng, style: Style) -> Model:
     """A beach ball, turned a little."""
     radius = float(rng.uniform(0.12, 0.16))
     colours = (style.accent(0), WHITE.base, style.accent(2), WHITE.base, style.accent(3), WHITE.base)
-    round_part = part(ball(radius, 40), Gores(colours=colours, cap=WHITE.base, radius=radius))
+    round_part = make_part(ball(radius, 40), BeachBall(colours=colours, cap=WHITE.base, radius=radius))
     centred = tilted(placed(round_part, z=-radius), "x", float(rng.uniform(0.3, 1.2)))
     return Model(name="ball", parts=(placed(centred, z=radius),))
 
@@ -100,8 +102,8 @@ def mug(rng: Rng, style: Style) -> Model:
     glaze = Stripes(first=style.accent(1), second=WHITE.base, axis=2, period=height, share=0.3, gloss=0.07)
     angles = np.linspace(-np.pi / 2, np.pi / 2, 11)
     bow = np.stack([radius - 0.002 + 0.03 * np.cos(angles), 0 * angles, 0.52 * height + 0.032 * np.sin(angles)], -1)
-    handle = part(tube(bow, 0.0065), Paint(base=style.accent(1), gloss=0.07))
-    return Model(name="mug", parts=(part(lathe(np.array(outline + cavity)), glaze), handle))
+    handle = make_part(tube(bow, 0.0065), Paint(base=style.accent(1), gloss=0.07))
+    return Model(name="mug", parts=(make_part(lathe(np.array(outline + cavity)), glaze), handle))
 
 
 def vase(rng: Rng, style: Style) -> Model:
@@ -113,7 +115,7 @@ def vase(rng: Rng, style: Style) -> Model:
     inside = [(r - wall, z) for r, z in curve[::-1] if r > 2 * wall and z > wall]
     glaze = Stripes(first=style.accent(5), second=style.accent(0), axis=2, period=height / 3, share=0.4, gloss=0.08)
     profile = np.array([*map(tuple, curve), *inside, (0, wall)])
-    return Model(name="vase", parts=(part(lathe(profile, 40), glaze),))
+    return Model(name="vase", parts=(make_part(lathe(profile, 40), glaze),))
 
 
 def fruit_bowl(rng: Rng, style: Style) -> Model:
@@ -121,13 +123,13 @@ def fruit_bowl(rng: Rng, style: Style) -> Model:
     radius = float(rng.uniform(0.13, 0.15))
     outline = [(0, 0), (0.45 * radius, 0), (0.5 * radius, 0.008), (0.85 * radius, 0.035), (radius, 0.075)]
     cavity = [(radius - 0.006, 0.077), (0.84 * radius, 0.043), (0.5 * radius, 0.016), (0, 0.014)]
-    bowl = part(lathe(np.array(outline + cavity), 44), Paint(base=style.accent(1), unevenness=0.1, gloss=0.07))
+    bowl = make_part(lathe(np.array(outline + cavity), 44), Paint(base=style.accent(1), unevenness=0.1, gloss=0.07))
     parts = [bowl]
     for i, code in enumerate(["d97a1f", "b8352c", "d97a1f", "8fa83a"]):
         size = float(rng.uniform(0.034, 0.037))
         angle = 2 * np.pi * i / 3 + 0.4
         away = 0.045 if i < 3 else 0.0
-        fruit = part(ball(size, 24), Paint(base=linear(code), unevenness=0.12, scale=45.0, gloss=0.03), i)
+        fruit = make_part(ball(size, 24), Paint(base=linear(code), unevenness=0.12, scale=45.0, gloss=0.03), i)
         parts.append(placed(fruit, away * np.cos(angle), away * np.sin(angle), 0.017 if i < 3 else 0.068))
     return Model(name="fruit bowl", parts=tuple(parts))
 
@@ -147,9 +149,9 @@ def book_pile(rng: Rng, style: Style) -> Model:
     return Model(name="books", parts=tuple(parts))
 
 
-def book_row(rng: Rng, style: Style, width: float) -> tuple[Part, ...]:
+def book_row(rng: Rng, style: Style, width: float) -> tuple[ModelPart, ...]:
     """Books that stand side by side, spines to the front (-y), from x = 0 to at most `width`."""
-    parts: list[Part] = []
+    parts: list[ModelPart] = []
     x = 0.0
     while True:
         thick, tall = float(rng.uniform(0.024, 0.045)), float(rng.uniform(0.2, 0.27))
@@ -157,15 +159,15 @@ def book_row(rng: Rng, style: Style, width: float) -> tuple[Part, ...]:
             return tuple(parts)
         lying = _book((tall, float(rng.uniform(0.15, 0.18)), thick), style, len(parts) + int(rng.integers(3)))
         upright = tilted(tilted(lying, "y", -np.pi / 2), "z", np.pi)
-        corner = upright.solid.vertices.min(0)
+        corner = upright.mesh.vertices.min(0)
         parts.append(placed(upright, x - corner[0], -corner[1], -corner[2]))
         x += thick + 0.001
 
 
-def _book(size: tuple[float, float, float], style: Style, index: int) -> Part:
+def _book(size: tuple[float, float, float], style: Style, index: int) -> ModelPart:
     covers = (*style.accents, linear("3a3f4a"), linear("d6cdb8"))
     cover = covers[(5 * index + 2) % len(covers)]
     light = sum(cover) < 0.9
     cloth: Material = Book(cover=cover, title=linear("ece4cc" if light else "2c2c30"), size=size)
-    solid = rounded_box(size, 0.003)
-    return Part(solid=solid, material=cloth, texture=solid.vertices, smooth=False)
+    mesh = rounded_box(size, 0.003)
+    return ModelPart(mesh=mesh, material=cloth, texture=mesh.vertices, smooth=False)

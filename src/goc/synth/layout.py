@@ -16,7 +16,7 @@ YAW_OF_WALL = (-np.pi / 2, 0.0, np.pi / 2, np.pi)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Footprint:
+class UprightBox:
     """An upright box with a turned rectangle as its base."""
 
     centre: Float[np.ndarray, "2"]
@@ -36,7 +36,7 @@ class Footprint:
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return self.centre + (signs * self.half) @ self.axes
 
-    def apart(self, other: "Footprint", gap: float) -> bool:
+    def apart(self, other: "UprightBox", gap: float) -> bool:
         """Whether some plane separates both boxes by at least `gap`, which sideways only counts."""
         if self.low >= other.high - 1e-9 or other.low >= self.high - 1e-9:
             return True
@@ -48,12 +48,12 @@ class Footprint:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Standing:
+class PlacedModel:
     """A thing in its place."""
 
     model: Model
     """In the world."""
-    footprint: Footprint
+    footprint: UprightBox
     local: Model
     x: float
     y: float
@@ -74,18 +74,18 @@ class Standing:
         )
 
 
-def stand(model: Model, x: float, y: float, z: float, yaw: float) -> Standing:
+def place_model(model: Model, x: float, y: float, z: float, yaw: float) -> PlacedModel:
     """Put a thing somewhere; its lowest point comes to lie at z."""
     bounds = model.bounds
     world = model.turned(yaw).moved(x, y, z - bounds[0][2])
-    return Standing(model=world, footprint=_footprint(bounds, x, y, z, yaw), local=model, x=x, y=y, z=z, yaw=yaw)
+    return PlacedModel(model=world, footprint=_footprint(bounds, x, y, z, yaw), local=model, x=x, y=y, z=z, yaw=yaw)
 
 
-def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> Footprint:
+def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> UprightBox:
     """Of a thing with these bounds in its own frame."""
     low, high = bounds
     middle = rotation("z", yaw)[:2, :2] @ (low + high)[:2] / 2
-    return Footprint(
+    return UprightBox(
         centre=np.array([x, y]) + middle, half=(high - low)[:2] / 2, yaw=yaw, low=z, high=z + high[2] - low[2]
     )
 
@@ -93,40 +93,42 @@ def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> Foot
 class Layout:
     """Things placed so far, and places that must stay free; refuses what would overlap."""
 
-    def __init__(self, size: RoomSize, kept_free: tuple[Footprint, ...]) -> None:
+    def __init__(self, size: RoomSize, kept_free: tuple[UprightBox, ...]) -> None:
         self.size = size
         self.kept_free = kept_free
-        self.things: list[Standing] = []
+        self.things: list[PlacedModel] = []
 
-    def add(self, thing: Standing | None) -> Standing | None:
+    def add(self, thing: PlacedModel | None) -> PlacedModel | None:
         """Keep a thing; returns it."""
         if thing is not None:
             self.things.append(thing)
         return thing
 
-    def fits(self, footprint: Footprint, gap: float, below: Standing | None = None) -> bool:
+    def fits(self, footprint: UprightBox, gap: float, below: PlacedModel | None = None) -> bool:
         """Whether a thing would lie inside the room and `gap` away from all others but the one below it."""
         inside = (np.abs(footprint.corners) <= self.size.half[:2] - 0.015).all()
         others = [other.footprint for other in self.things if other is not below] + list(self.kept_free)
         return bool(inside) and all(footprint.apart(other, gap) for other in others)
 
-    def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> Standing | None:
+    def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> PlacedModel | None:
         """Back to a wall, centred at `along` on it; None where that is taken."""
         reach = self.size.half[side % 2] - 0.03 - model.bounds[1][1]
         sign = 1 if side < 2 else -1
         x, y = (sign * reach, along) if side % 2 == 0 else (along, sign * reach)
-        thing = stand(model, x, y, 0.0, YAW_OF_WALL[side])
+        thing = place_model(model, x, y, 0.0, YAW_OF_WALL[side])
         return thing if self.fits(thing.footprint, gap) else None
 
-    def somewhere(self, model: Model, spots: Float[np.ndarray, "k 3"], gap: float, z: float = 0.0) -> Standing | None:
+    def first_free(
+        self, model: Model, spots: Float[np.ndarray, "k 3"], gap: float, z: float = 0.0
+    ) -> PlacedModel | None:
         """At the first of the places (x, y, yaw) that is free."""
         bounds = model.bounds
         for x, y, yaw in spots.tolist():
             if self.fits(_footprint(bounds, x, y, z, yaw), gap):
-                return stand(model, x, y, z, yaw)
+                return place_model(model, x, y, z, yaw)
         return None
 
-    def on_top(self, model: Model, below: Standing, index: int, rng: np.random.Generator) -> Standing | None:
+    def on_top(self, model: Model, below: PlacedModel, index: int, rng: np.random.Generator) -> PlacedModel | None:
         """On one of the tops of another thing, wholly inside its edge; None where there is no room left.
 
         The top promises that nothing of the thing below is in the way.
@@ -143,5 +145,5 @@ class Layout:
             shift = rotation("z", below.yaw)[:2, :2] @ (rng.uniform(-1, 1, 2) * room)
             x, y, yaw = float(top.x + shift[0]), float(top.y + shift[1]), below.yaw + float(turn)
             if self.fits(_footprint((low, high), x, y, top.z, yaw), 0.03, below):
-                return stand(model, x, y, top.z, yaw)
+                return place_model(model, x, y, top.z, yaw)
         return None

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float32, Int
 
-from goc.synth.surfaces import Spots, Surfaces, centre_spots, look_at
+from goc.synth.surfaces import RoomSurfaces, ShadingPoints, appearance_at, triangle_centres
 from goc.synth.vectors import dot, length, unit
 
 _OFFSET = 1e-4
@@ -40,7 +40,7 @@ class AreaLight:
 class LitSurfaces:
     """Surfaces whose mutual reflections are known."""
 
-    surfaces: Surfaces
+    surfaces: RoomSurfaces
     lights: tuple[AreaLight, ...]
     radiance: Float32[np.ndarray, "t 3"]
     """What each triangle sends out, all bounces included, its own glow excluded."""
@@ -48,16 +48,16 @@ class LitSurfaces:
     """Factor that brings the room to a pleasant brightness."""
 
 
-def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, samples: int = 8) -> LitSurfaces:
+def bake(surfaces: RoomSurfaces, lights: tuple[AreaLight, ...], bounces: int = 3, samples: int = 8) -> LitSurfaces:
     """Light every triangle's middle, directly and by `bounces` reflections (radiosity by gathering)."""
-    spots = centre_spots(surfaces)
-    colour = look_at(surfaces, spots).colour
-    start = np.zeros(len(spots), np.int64)
-    direct = direct_light(surfaces, lights, spots, start, samples)
+    points = triangle_centres(surfaces)
+    colour = appearance_at(surfaces, points).colour
+    start = np.zeros(len(points), np.int64)
+    direct = direct_light(surfaces, lights, points, start, samples)
     radiance = colour * direct
-    rays = _gather_rays(surfaces, spots, start, 2 * samples)
+    rays = _gather_rays(surfaces, points, start, 2 * samples)
     for _ in range(bounces):
-        radiance = colour * (direct + _mean_gathered(rays, radiance, len(spots)))
+        radiance = colour * (direct + _mean_gathered(rays, radiance, len(points)))
     corners = surfaces.scene.vertices[surfaces.scene.faces]
     areas = length(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     walls = surfaces.owner == 0
@@ -65,35 +65,41 @@ def bake(surfaces: Surfaces, lights: tuple[AreaLight, ...], bounces: int = 3, sa
     return LitSurfaces(surfaces=surfaces, lights=lights, radiance=radiance, exposure=0.5 / max(level, 1e-9))
 
 
-def light_on(lit: LitSurfaces, spots: Spots, pattern: Int[np.ndarray, "n"], samples: int) -> Float32[np.ndarray, "n 3"]:
+def light_on(
+    lit: LitSurfaces, points: ShadingPoints, pattern: Int[np.ndarray, "n"], samples: int
+) -> Float32[np.ndarray, "n 3"]:
     """Light at each spot: shadow rays to the lights, and rays that gather what other surfaces send out.
 
     Args:
         lit: the room.
-        spots: where to look.
+        points: where to look.
         pattern: which run of the sample sequence each spot takes; neighbours take different ones and share results.
         samples: gathering rays a spot; half as many shadow rays for each light.
     """
     shadow_rays = max(1, samples // 2)
-    rays = _gather_rays(lit.surfaces, spots, pattern * samples, samples)
-    reflected = _mean_gathered(rays, lit.radiance, len(spots))
-    return direct_light(lit.surfaces, lit.lights, spots, pattern * shadow_rays, shadow_rays) + reflected
+    rays = _gather_rays(lit.surfaces, points, pattern * samples, samples)
+    reflected = _mean_gathered(rays, lit.radiance, len(points))
+    return direct_light(lit.surfaces, lit.lights, points, pattern * shadow_rays, shadow_rays) + reflected
 
 
 def direct_light(
-    surfaces: Surfaces, lights: tuple[AreaLight, ...], spots: Spots, start: Int[np.ndarray, "n"], samples: int
+    surfaces: RoomSurfaces,
+    lights: tuple[AreaLight, ...],
+    points: ShadingPoints,
+    start: Int[np.ndarray, "n"],
+    samples: int,
 ) -> Float32[np.ndarray, "n 3"]:
     """Light that arrives from area lights without reflection; stratified shadow rays."""
-    total = np.zeros((len(spots), 3), np.float32)
-    origins = spots.positions + _OFFSET * spots.face_normals
+    total = np.zeros((len(points), 3), np.float32)
+    origins = points.positions + _OFFSET * points.face_normals
     for number, light in enumerate(lights):
-        arriving = np.zeros(len(spots))
+        arriving = np.zeros(len(points))
         for sample in range(samples):
             u, v = sequence(start + sample, number)
             target = light.centre + (u - 0.5)[:, None] * light.across + (v - 0.5)[:, None] * light.along
             path = target - origins
             square = dot(path, path)
-            facing = np.minimum(dot(path, spots.normals), 10 * dot(path, spots.face_normals))
+            facing = np.minimum(dot(path, points.normals), 10 * dot(path, points.face_normals))
             geometry = np.maximum(facing, 0) * np.maximum(-path @ light.facing, 0) / (np.pi * square * square)
             reached = np.flatnonzero(geometry > 0)
             dark = surfaces.scene.occluded(origins[reached], path[reached], 1 - 1e-3)
@@ -103,17 +109,17 @@ def direct_light(
 
 
 def mirrored(
-    lit: LitSurfaces, spots: Spots, seen_from: Float[np.ndarray, "3"], strength: Float[np.ndarray, "n"]
+    lit: LitSurfaces, points: ShadingPoints, seen_from: Float[np.ndarray, "3"], strength: Float[np.ndarray, "n"]
 ) -> Float32[np.ndarray, "n 3"]:
-    """Blurred reflections of the lights on glossy spots, stronger at grazing angles (Schlick 1994)."""
-    total = np.zeros((len(spots), 3), np.float32)
+    """Blurred reflections of the lights on glossy points, stronger at grazing angles (Schlick 1994)."""
+    total = np.zeros((len(points), 3), np.float32)
     shiny = np.flatnonzero(strength > 0)
-    view = unit(spots.positions[shiny] - seen_from)
-    normals = spots.normals[shiny]
+    view = unit(points.positions[shiny] - seen_from)
+    normals = points.normals[shiny]
     cosine = -dot(view, normals)
     ray = view + 2 * cosine[:, None] * normals
     fresnel = strength[shiny] * (1 + 3 * (1 - np.clip(cosine, 0, 1)) ** 5)
-    origins = spots.positions[shiny] + 1e-3 * spots.face_normals[shiny]
+    origins = points.positions[shiny] + 1e-3 * points.face_normals[shiny]
     for light in lit.lights:
         towards = -ray @ light.facing
         distance = (origins - light.centre) @ light.facing / np.maximum(towards, 1e-6)
@@ -145,17 +151,19 @@ def sequence(index: Int[np.ndarray, "n"], stream: int) -> tuple[Float[np.ndarray
     return pair[0] / 2.0**32, pair[1] / 2.0**32
 
 
-def _gather_rays(surfaces: Surfaces, spots: Spots, start: Int[np.ndarray, "n"], samples: int) -> list[_Rays]:
-    """Cosine-distributed rays over each spot; for each of the samples, which spots' rays hit which triangles."""
-    first = unit(np.cross(spots.normals, np.eye(3)[np.abs(spots.normals).argmin(-1)]))
-    second = np.cross(spots.normals, first)
-    origins = spots.positions + _OFFSET * spots.face_normals
+def _gather_rays(
+    surfaces: RoomSurfaces, points: ShadingPoints, start: Int[np.ndarray, "n"], samples: int
+) -> list[_Rays]:
+    """Cosine-distributed rays over each spot; for each of the samples, which points' rays hit which triangles."""
+    first = unit(np.cross(points.normals, np.eye(3)[np.abs(points.normals).argmin(-1)]))
+    second = np.cross(points.normals, first)
+    origins = points.positions + _OFFSET * points.face_normals
     rays = []
     for sample in range(samples):
         u, v = sequence(start + sample, 7)
         radius, angle = np.sqrt(u), 2 * np.pi * v
         ray = (radius * np.cos(angle))[:, None] * first + (radius * np.sin(angle))[:, None] * second
-        ray += np.sqrt(1 - u)[:, None] * spots.normals
+        ray += np.sqrt(1 - u)[:, None] * points.normals
         hits = surfaces.scene.closest_hit(origins, ray)
         # A ray that meets the back of a triangle started inside something, where it is dark.
         front = dot(surfaces.face_normals[hits.triangle], ray) < 0
@@ -166,6 +174,6 @@ def _gather_rays(surfaces: Surfaces, spots: Spots, start: Int[np.ndarray, "n"], 
 
 def _mean_gathered(rays: list[_Rays], radiance: Float32[np.ndarray, "t 3"], count: int) -> Float32[np.ndarray, "n 3"]:
     total = np.zeros((count, 3), np.float32)
-    for spots, triangles in rays:
-        total[spots] += radiance[triangles]
+    for points, triangles in rays:
+        total[points] += radiance[triangles]
     return total / len(rays)

@@ -18,7 +18,7 @@ Rgb = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Look:
+class Appearance:
     """Of some points."""
 
     colour: Colours
@@ -33,12 +33,12 @@ class Look:
 class Material(Protocol):
     """Looks by place, metres in the object's frame."""
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """What these points look like."""
         ...
 
 
-class Coloured:
+class NonEmissiveMaterial:
     """A material of one gloss that sends out no light; the classes below say what `colour` is."""
 
     gloss: float
@@ -47,9 +47,9 @@ class Coloured:
         """Linear reflectance at each point."""
         raise NotImplementedError
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """The colour, and the gloss."""
-        return Look(colour=self.colour(points), gloss=self.gloss)
+        return Appearance(colour=self.colour(points), gloss=self.gloss)
 
 
 def linear(code: str) -> Rgb:
@@ -71,7 +71,7 @@ def step(values: Float[np.ndarray, "p"], edge: float, softness: float) -> Float[
 
 
 @dataclass(frozen=True)
-class Paint(Coloured):
+class Paint(NonEmissiveMaterial):
     """Plain paint, plaster, plastic or glaze, slightly uneven."""
 
     base: Rgb
@@ -86,7 +86,7 @@ class Paint(Coloured):
 
 
 @dataclass(frozen=True)
-class Wood(Coloured):
+class Wood(NonEmissiveMaterial):
     """Sawn wood: long grain along one axis, darker late-wood lines, fine pores."""
 
     light: Rgb
@@ -109,7 +109,7 @@ class Wood(Coloured):
 
 
 @dataclass(frozen=True)
-class Fabric(Coloured):
+class Fabric(NonEmissiveMaterial):
     """Woven cloth: a fine weave, lighter and darker threads, soft patches."""
 
     base: Rgb
@@ -128,7 +128,7 @@ class Fabric(Coloured):
 
 
 @dataclass(frozen=True)
-class Stripes(Coloured):
+class Stripes(NonEmissiveMaterial):
     """Bands of two colours along an axis, on cloth or glaze."""
 
     first: Rgb
@@ -148,7 +148,7 @@ class Stripes(Coloured):
 
 
 @dataclass(frozen=True)
-class Gores(Coloured):
+class BeachBall(NonEmissiveMaterial):
     """The segments of a beach ball, round a vertical axis through the origin."""
 
     colours: tuple[Rgb, ...]
@@ -166,7 +166,7 @@ class Gores(Coloured):
 
 
 @dataclass(frozen=True)
-class Leaf(Coloured):
+class Leaf(NonEmissiveMaterial):
     """A leaf that grew along x: a light midrib, veins, darker edges."""
 
     base: Rgb
@@ -184,7 +184,7 @@ class Leaf(Coloured):
 
 
 @dataclass(frozen=True)
-class Book(Coloured):
+class Book(NonEmissiveMaterial):
     """A bound book that lies flat, spine at +y: a cloth cover with a title block, paper on the other sides."""
 
     cover: Rgb
@@ -208,7 +208,7 @@ class Book(Coloured):
 
 
 @dataclass(frozen=True)
-class Shade:
+class LampShade:
     """A lamp shade, lit from within, brightest in its middle."""
 
     base: Rgb
@@ -217,17 +217,17 @@ class Shade:
     middle: float
     """Height of the bulb, metres in the object's frame."""
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """Cloth whose light falls off from the bulb's height, in soft folds."""
         cloth = np.asarray(self.base, np.float32) * (0.9 + 0.2 * fractal_noise(points * 40.0, 2))[:, None]
         fall = np.exp(-(((points[:, 2] - self.middle) / 0.16) ** 2))
         folds = 0.85 + 0.15 * np.sin(26 * np.arctan2(points[:, 1], points[:, 0]))
         light = (self.strength * (0.35 + 0.65 * fall) * folds)[:, None] * np.asarray(self.light, np.float32)
-        return Look(colour=cloth, glow=light)
+        return Appearance(colour=cloth, glow=light)
 
 
 @dataclass(frozen=True)
-class Planks(Coloured):
+class Planks(NonEmissiveMaterial):
     """A wooden floor in the plane z = 0: staggered boards along x, each with its own tone and grain."""
 
     wood: Wood
@@ -250,7 +250,7 @@ class Planks(Coloured):
 
 
 @dataclass(frozen=True)
-class Tiles(Coloured):
+class Tiles(NonEmissiveMaterial):
     """A tiled floor in the plane z = 0."""
 
     first: Rgb

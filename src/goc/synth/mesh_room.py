@@ -10,12 +10,12 @@ from goc.errors import ConfigError
 from goc.events import Listener
 from goc.synth import furniture
 from goc.synth.assets import Asset, MeshFolder, draw_assets
-from goc.synth.layout import Layout, Standing, stand
+from goc.synth.collision import CollisionMesh, collision_mesh, height_above, interpenetrate
+from goc.synth.layout import Layout, PlacedModel, place_model
 from goc.synth.model import Model
-from goc.synth.overlap import Hull, height_above, hull_of, interpenetrate
 from goc.synth.room import (
+    FurnishedRoom,
     Openings,
-    Room,
     before_door,
     corner_spots,
     draw_openings,
@@ -46,7 +46,7 @@ class _Stock:
     small: tuple[Asset, ...]
 
 
-def furnish_with_meshes(seed: int, objects: int, source: MeshFolder, notify: Listener) -> Room:
+def furnish_with_meshes(seed: int, objects: int, source: MeshFolder, notify: Listener) -> FurnishedRoom:
     """Draw a room with that many things from a folder; the same seed and folder give the same room.
 
     Two fifths of the things stand on the floor: those with a back against walls or before tables, tables where there is
@@ -65,7 +65,7 @@ def furnish_with_meshes(seed: int, objects: int, source: MeshFolder, notify: Lis
         style = choose_style(rng)
         openings = draw_openings(rng, size, style)
         placer = _Placer(rng=rng, style=style, openings=openings, stock=stock, count=objects,
-                         layout=Layout(size, (before_door(openings.door, size),)), hulls=[])  # fmt: skip
+                         layout=Layout(size, (before_door(openings.door, size),)), meshes=[])  # fmt: skip
         if placer.furnish():
             return finish_room(rng, style, placer.layout, openings)
     raise ConfigError(
@@ -105,7 +105,7 @@ class _Placer:
     stock: _Stock
     count: int
     layout: Layout
-    hulls: list[Hull]
+    meshes: list[CollisionMesh]
     """Surfaces of the things in the layout."""
 
     def furnish(self) -> bool:
@@ -165,14 +165,14 @@ class _Placer:
             for make, has_back in makers:
                 yield Asset(model=make(self.rng, self.style), has_back=has_back)
 
-    def _on_floor(self, asset: Asset) -> Standing | None:
+    def _on_floor(self, asset: Asset) -> PlacedModel | None:
         width, depth, height = asset.size
         is_table = asset.is_support and not asset.has_back and height < 0.85 and width < 2.5 * depth
         tables = [thing for thing in self.layout.things if thing.local.tops and 0.3 < thing.footprint.high < 0.85]
         if asset.has_back and max(width, depth) < 0.75 and tables and self.rng.random() < 0.6:
             table = tables[int(self.rng.integers(len(tables)))]
             away = float(np.linalg.norm(table.footprint.half)) + depth / 2
-            found = self.layout.somewhere(asset.model, facing_spots(table, away, away + 0.4, self.rng), 0.05)
+            found = self.layout.first_free(asset.model, facing_spots(table, away, away + 0.4, self.rng), 0.05)
             if found is not None:
                 return found
         if is_table and self.rng.random() < 0.7:
@@ -181,16 +181,16 @@ class _Placer:
                 return found
         if max(width, depth) < 0.6 and not asset.has_back:
             inset = 0.05 + float(np.linalg.norm([width, depth])) / 2
-            return self.layout.somewhere(asset.model, corner_spots(self.layout.size, inset, self.rng), 0.08)
+            return self.layout.first_free(asset.model, corner_spots(self.layout.size, inset, self.rng), 0.08)
         return self._at_some_wall(asset) or self._in_the_open(asset)
 
-    def _in_the_open(self, asset: Asset) -> Standing | None:
+    def _in_the_open(self, asset: Asset) -> PlacedModel | None:
         reach = self.layout.size.half[:2] - 0.4 - float(asset.size[:2].max()) / 2
         spots = self.rng.uniform(-1, 1, (120, 3)) * np.array([*np.maximum(reach, 0.1), 0.0])
         spots[:, 2] = self.rng.choice([0, np.pi / 2, np.pi, -np.pi / 2], 120) + self.rng.normal(0, 0.05, 120)
-        return self.layout.somewhere(asset.model, spots, 0.35)
+        return self.layout.first_free(asset.model, spots, 0.35)
 
-    def _at_some_wall(self, asset: Asset) -> Standing | None:
+    def _at_some_wall(self, asset: Asset) -> PlacedModel | None:
         for _ in range(80):
             side = int(self.rng.integers(4))
             if side == self.openings.window.side and asset.size[2] > 0.85:
@@ -216,25 +216,25 @@ class _Placer:
         if asset.size.max() < 0.2:
             return False
         spots = self.rng.uniform(-1, 1, (60, 3)) * np.array([*self.layout.size.half[:2] - 0.5, 3.0])
-        return self._keep(self.layout.somewhere(asset.model, spots, 0.15), None)
+        return self._keep(self.layout.first_free(asset.model, spots, 0.15), None)
 
-    def _settled(self, thing: Standing | None, below: Standing) -> Standing | None:
+    def _settled(self, thing: PlacedModel | None, below: PlacedModel) -> PlacedModel | None:
         """The thing, sunk until it touches what it stands on; None where that is not a matter of millimetres."""
         if thing is None:
             return None
-        gap = height_above(hull_of(thing.model), self._hull(below))
-        return stand(thing.local, thing.x, thing.y, thing.z - gap, thing.yaw) if abs(gap) <= _CONTACT else None
+        gap = height_above(collision_mesh(thing.model), self._collision_mesh(below))
+        return place_model(thing.local, thing.x, thing.y, thing.z - gap, thing.yaw) if abs(gap) <= _CONTACT else None
 
-    def _hull(self, thing: Standing) -> Hull:
-        return next(hull for other, hull in zip(self.layout.things, self.hulls, strict=True) if other is thing)
+    def _collision_mesh(self, thing: PlacedModel) -> CollisionMesh:
+        return next(mesh for other, mesh in zip(self.layout.things, self.meshes, strict=True) if other is thing)
 
-    def _keep(self, thing: Standing | None, below: Standing | None) -> bool:
+    def _keep(self, thing: PlacedModel | None, below: PlacedModel | None) -> bool:
         """Add a thing unless it shares space with the one below it; boxes keep it away from all others."""
         if thing is None:
             return False
-        hull = hull_of(thing.model)
-        if below is not None and interpenetrate(hull, self._hull(below)):
+        mesh = collision_mesh(thing.model)
+        if below is not None and interpenetrate(mesh, self._collision_mesh(below)):
             return False
         self.layout.add(replace(thing, model=replace(thing.model, name=thing.local.name)))
-        self.hulls.append(hull)
+        self.meshes.append(mesh)
         return True

@@ -9,14 +9,14 @@ from goc.files.any_mesh import welded
 from goc.files.colour import encode_srgb
 from goc.scene import Mesh
 from goc.synth.materials import Material
-from goc.synth.shapes import Solid
+from goc.synth.shapes import PartMesh
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Part:
+class ModelPart:
     """One closed solid of one material."""
 
-    solid: Solid
+    mesh: PartMesh
     material: Material
     texture: Float[np.ndarray, "v 3"]
     """Where each vertex lies in the frame of its material, metres: it stays when the part is moved."""
@@ -44,50 +44,50 @@ class Model:
     """A thing: closed parts, in its own frame (base on z = 0, front towards -y) or in the world."""
 
     name: str
-    parts: tuple[Part, ...]
+    parts: tuple[ModelPart, ...]
     tops: tuple[Top, ...] = ()
 
     def moved(self, x: float, y: float, z: float = 0.0) -> "Model":
         """The thing, shifted."""
-        parts = tuple(replace(part, solid=part.solid.moved(x, y, z)) for part in self.parts)
+        parts = tuple(replace(part, mesh=part.mesh.moved(x, y, z)) for part in self.parts)
         return Model(name=self.name, parts=parts)
 
     def turned(self, angle: float) -> "Model":
         """The thing, rotated about the vertical axis, radians counter-clockwise."""
-        parts = tuple(replace(part, solid=part.solid.turned("z", angle)) for part in self.parts)
+        parts = tuple(replace(part, mesh=part.mesh.turned("z", angle)) for part in self.parts)
         return Model(name=self.name, parts=parts)
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
         """Lowest and highest corner of the axis-parallel box."""
-        points = np.concatenate([part.solid.vertices for part in self.parts])
+        points = np.concatenate([part.mesh.vertices for part in self.parts])
         return points.min(0), points.max(0)
 
 
-def part(solid: Solid, material: Material, variant: int = 0, smooth: bool = True) -> Part:
+def make_part(mesh: PartMesh, material: Material, variant: int = 0, smooth: bool = True) -> ModelPart:
     """A solid made of a material; `variant` shifts the pattern, so that two boards are not twins."""
     shift = variant * np.array([1.37, 2.11, 1.73])
-    return Part(solid=solid, material=material, texture=solid.vertices + shift, smooth=smooth)
+    return ModelPart(mesh=mesh, material=material, texture=mesh.vertices + shift, smooth=smooth)
 
 
-def placed(item: Part, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> Part:
+def placed(item: ModelPart, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> ModelPart:
     """The part, shifted; its pattern goes along."""
-    return replace(item, solid=item.solid.moved(x, y, z))
+    return replace(item, mesh=item.mesh.moved(x, y, z))
 
 
-def tilted(item: Part, axis: str, angle: float) -> Part:
+def tilted(item: ModelPart, axis: str, angle: float) -> ModelPart:
     """The part, rotated about a coordinate axis through the origin; its pattern goes along."""
-    return replace(item, solid=item.solid.turned(axis, angle))
+    return replace(item, mesh=item.mesh.turned(axis, angle))
 
 
 def mesh_of(model: Model) -> Mesh:
     """All parts as one mesh, with the materials' colours at the vertices; scanned ones are welded."""
     vertices, faces, colours, count = [], [], [], 0
     for item in model.parts:
-        vertices.append(item.solid.vertices)
-        faces.append(item.solid.faces + count)
-        colours.append(item.material.look(item.texture).colour)
-        count += len(item.solid.vertices)
+        vertices.append(item.mesh.vertices)
+        faces.append(item.mesh.faces + count)
+        colours.append(item.material.appearance(item.texture).colour)
+        count += len(item.mesh.vertices)
     mesh = Mesh(
         vertices=np.concatenate(vertices).astype(np.float32),
         faces=np.concatenate(faces).astype(np.int32),

@@ -8,7 +8,7 @@ from jaxtyping import Float, Float32, Int16, UInt8
 from goc.files.colour import encode_srgb
 from goc.scene import Camera
 from goc.synth.lighting import LitSurfaces, light_on, mirrored
-from goc.synth.surfaces import Spots, look_at, seen_spots
+from goc.synth.surfaces import ShadingPoints, appearance_at, visible_points
 from goc.synth.vectors import dot, length
 
 # Order in which the 16 pixels of a 4x4 block take their share of the light samples (a Bayer matrix).
@@ -20,7 +20,7 @@ _OFFSETS = [(0.386, 0.104), (-0.283, 0.283), (-0.104, -0.386)]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class View:
+class RenderedView:
     """What one camera sees."""
 
     colour: UInt8[np.ndarray, "h w 3"]
@@ -33,7 +33,7 @@ class View:
     """Of the triangles at pixel centres, camera axes, towards the camera, exact."""
 
 
-def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
+def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> RenderedView:
     """Cast rays through every pixel: one through its centre for depth, ids and light, that and three more for colour.
 
     Light is estimated with few rays a pixel that differ over blocks of 4x4 pixels, then averaged over neighbours on the
@@ -45,33 +45,35 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> View:
         samples: gathering rays for each pixel, and half as many shadow rays for each light.
     """
     height, width = camera.height, camera.width
-    spots, depth = _seen(lit, camera, (0.0, 0.0))
+    points, depth = _seen(lit, camera, (0.0, 0.0))
     row, column = np.divmod(np.arange(height * width), width)
-    light = light_on(lit, spots, _PATTERN[row % 4, column % 4], samples)
-    light = _smooth(light.reshape(height, width, 3), spots, depth.reshape(height, width))
-    total = _shaded(lit, camera, spots, light.reshape(-1, 3))
+    light = light_on(lit, points, _PATTERN[row % 4, column % 4], samples)
+    light = _smooth(light.reshape(height, width, 3), points, depth.reshape(height, width))
+    total = _shaded(lit, camera, points, light.reshape(-1, 3))
     for offset in _OFFSETS:
         seen, _ = _seen(lit, camera, offset)
-        total += _shaded(lit, camera, seen, _light_between(lit, light, spots, seen, offset))
-    return View(
+        total += _shaded(lit, camera, seen, _light_between(lit, light, points, seen, offset))
+    return RenderedView(
         colour=encode_srgb(total / (1 + len(_OFFSETS))).reshape(height, width, 3),
         depth=depth.reshape(height, width),
-        ids=lit.surfaces.owner[spots.triangle].reshape(height, width),
-        normals=(spots.face_normals @ camera.world_from_cam[:3, :3].numpy()).reshape(height, width, 3),
+        ids=lit.surfaces.owner[points.triangle].reshape(height, width),
+        normals=(points.face_normals @ camera.world_from_cam[:3, :3].numpy()).reshape(height, width, 3),
     )
 
 
 def _shaded(
-    lit: LitSurfaces, camera: Camera, spots: Spots, light: Float32[np.ndarray, "n 3"]
+    lit: LitSurfaces, camera: Camera, points: ShadingPoints, light: Float32[np.ndarray, "n 3"]
 ) -> Float32[np.ndarray, "n 3"]:
     """What the camera gets from each spot under this light, in [0, 1], linear."""
-    look = look_at(lit.surfaces, spots)
-    radiance = look.colour * light + look.glow / lit.exposure
-    radiance += mirrored(lit, spots, camera.position.double().numpy(), look.gloss)
+    appearance = appearance_at(lit.surfaces, points)
+    radiance = appearance.colour * light + appearance.glow / lit.exposure
+    radiance += mirrored(lit, points, camera.position.double().numpy(), appearance.gloss)
     return _tone(lit.exposure * radiance)
 
 
-def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tuple[Spots, Float[np.ndarray, "n"]]:
+def _seen(
+    lit: LitSurfaces, camera: Camera, offset: tuple[float, float]
+) -> tuple[ShadingPoints, Float[np.ndarray, "n"]]:
     """What the rays through all pixels hit, `offset` pixels from their centres, and how deep."""
     pose = camera.world_from_cam.double().numpy()
     centre, focal = camera.centre_px.double().numpy(), camera.focal_px.double().numpy()
@@ -79,16 +81,16 @@ def _seen(lit: LitSurfaces, camera: Camera, offset: tuple[float, float]) -> tupl
     y = (np.arange(camera.height) + 0.5 + offset[1] - centre[1]) / focal[1]
     rays = (y[:, None, None] * pose[:3, 1] + x[:, None] * pose[:3, 0] + pose[:3, 2]).reshape(-1, 3)
     hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
-    return seen_spots(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays, rays), hits.t
+    return visible_points(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays, rays), hits.t
 
 
 def _smooth(
-    light: Float32[np.ndarray, "h w 3"], spots: Spots, depth: Float[np.ndarray, "h w"]
+    light: Float32[np.ndarray, "h w 3"], points: ShadingPoints, depth: Float[np.ndarray, "h w"]
 ) -> Float32[np.ndarray, "h w 3"]:
     """Mean over 4x4 pixels (a 5x5 window with half-weight rim) that lie in the same plane and face the same way."""
     height, width = depth.shape
-    positions = spots.positions.reshape(height, width, 3).astype(np.float32)
-    normals = spots.normals.reshape(height, width, 3).astype(np.float32)
+    positions = points.positions.reshape(height, width, 3).astype(np.float32)
+    normals = points.normals.reshape(height, width, 3).astype(np.float32)
     level = np.einsum("hwc,hwc->hw", positions, normals)
     reach = 1.0 / (0.012 * depth).astype(np.float32)
     total, weights = np.zeros_like(light), np.zeros((height, width, 1), np.float32)
@@ -117,9 +119,13 @@ def _overlap(size: int, shift: int) -> slice:
 
 
 def _light_between(
-    lit: LitSurfaces, light: Float32[np.ndarray, "h w 3"], centres: Spots, seen: Spots, offset: tuple[float, float]
+    lit: LitSurfaces,
+    light: Float32[np.ndarray, "h w 3"],
+    centres: ShadingPoints,
+    seen: ShadingPoints,
+    offset: tuple[float, float],
 ) -> Float32[np.ndarray, "n 3"]:
-    """Light at spots seen off pixel centres: that of the own or a neighbouring centre on the same surface.
+    """Light at points seen off pixel centres: that of the own or a neighbouring centre on the same surface.
 
     Where the edge of something thin passes between centres there is none, and light is computed at the spot itself.
     """

@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from goc.errors import ConfigError
 from goc.synth import decor, furniture
-from goc.synth.layout import Footprint, Layout, Standing
+from goc.synth.layout import Layout, PlacedModel, UprightBox
 from goc.synth.lighting import AreaLight
 from goc.synth.materials import linear
 from goc.synth.model import Model
@@ -32,7 +32,7 @@ _ATTEMPTS = 60
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Room:
+class FurnishedRoom:
     """Everything in world coordinates: floor at z = 0, z up, metres."""
 
     size: RoomSize
@@ -42,7 +42,7 @@ class Room:
     lights: tuple[AreaLight, ...]
 
 
-def furnish_room(seed: int, objects: int) -> Room:
+def furnish_room(seed: int, objects: int) -> FurnishedRoom:
     """Draw a room with that many objects (6…16); the same seed gives the same room.
 
     Raises:
@@ -99,12 +99,12 @@ def draw_openings(rng: Rng, size: RoomSize, style: Style) -> Openings:
 def _furnish(rng: Rng, style: Style, size: RoomSize, openings: Openings, count: int) -> Layout | None:
     """Place things in the order of their importance until there are `count`; None if some do not find a place."""
     layout = Layout(size, (before_door(openings.door, size),))
-    done: dict[str, Standing] = {}
+    done: dict[str, PlacedModel] = {}
     place = _Placer(rng=rng, style=style, layout=layout, openings=openings, done=done)
     groups = [[place.sideboard, place.vase], [place.table, place.chair, place.fruit_bowl]]
     if rng.random() < 0.5:
         groups.reverse()
-    steps: list[Callable[[], Standing | None]] = [place.sofa, place.coffee_table, place.bookshelf, place.floor_lamp]
+    steps: list[Callable[[], PlacedModel | None]] = [place.sofa, place.coffee_table, place.bookshelf, place.floor_lamp]
     steps += [place.armchair, place.plant, place.mug, place.books, *groups[0], place.ball, *groups[1]]
     steps += [place.pouf, place.table_lamp]
     for step in sorted(steps[:count], key=lambda step: step in (place.ball, place.pouf)):
@@ -115,7 +115,7 @@ def _furnish(rng: Rng, style: Style, size: RoomSize, openings: Openings, count: 
     return layout
 
 
-def before_door(door: Panel, size: RoomSize) -> Footprint:
+def before_door(door: Panel, size: RoomSize) -> UprightBox:
     """The floor that a door needs."""
     half = size.half[door.side % 2]
     sign = 1 if door.side < 2 else -1
@@ -124,7 +124,7 @@ def before_door(door: Panel, size: RoomSize) -> Footprint:
     extent = np.array([depth / 2, door.width / 2])
     if door.side % 2 == 1:
         centre, extent = centre[::-1], extent[::-1]
-    return Footprint(centre=centre, half=extent, yaw=0.0, low=0.0, high=2.0)
+    return UprightBox(centre=centre, half=extent, yaw=0.0, low=0.0, high=2.0)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -135,30 +135,30 @@ class _Placer:
     style: Style
     layout: Layout
     openings: Openings
-    done: dict[str, Standing]
+    done: dict[str, PlacedModel]
 
-    def sofa(self) -> Standing | None:
+    def sofa(self) -> PlacedModel | None:
         model = furniture.sofa(self.rng, self.style)
         return self.layout.against_wall(model, self.openings.sofa_side, float(self.rng.uniform(-0.5, 0.5)))
 
-    def coffee_table(self) -> Standing | None:
+    def coffee_table(self) -> PlacedModel | None:
         model = furniture.coffee_table(self.rng, self.style)
         sofa = self.done["sofa"]
         away = 0.44 + float(self.rng.uniform(0.36, 0.5)) + model.bounds[1][1]
         spots = _beside(sofa, np.array([[float(self.rng.uniform(-0.15, 0.15)), -away, 0.0]]))
-        return self.layout.somewhere(model, spots, 0.25)
+        return self.layout.first_free(model, spots, 0.25)
 
-    def bookshelf(self) -> Standing | None:
+    def bookshelf(self) -> PlacedModel | None:
         model = furniture.bookshelf(self.rng, self.style)
         sides = [side for side in range(4) if side not in (self.openings.window.side, self.openings.sofa_side)]
         return self._at_some_wall(model, sides)
 
-    def sideboard(self) -> Standing | None:
+    def sideboard(self) -> PlacedModel | None:
         model = furniture.sideboard(self.rng, self.style)
         sides = [(self.openings.sofa_side + 2) % 4, self.openings.window.side]
         return self._at_some_wall(model, sides)
 
-    def _at_some_wall(self, model: Model, sides: list[int]) -> Standing | None:
+    def _at_some_wall(self, model: Model, sides: list[int]) -> PlacedModel | None:
         for _ in range(80):
             side = sides[int(self.rng.integers(len(sides)))]
             reach = self.layout.size.wall_length(side) / 2 - model.bounds[1][0] - 0.1
@@ -167,53 +167,53 @@ class _Placer:
                 return thing
         return None
 
-    def armchair(self) -> Standing | None:
+    def armchair(self) -> PlacedModel | None:
         """Near the coffee table, turned towards it."""
         model = furniture.armchair(self.rng, self.style)
-        return self.layout.somewhere(model, facing_spots(self.done["coffee_table"], 0.98, 1.3, self.rng), 0.2)
+        return self.layout.first_free(model, facing_spots(self.done["coffee_table"], 0.98, 1.3, self.rng), 0.2)
 
-    def floor_lamp(self) -> Standing | None:
+    def floor_lamp(self) -> PlacedModel | None:
         lamp = decor.floor_lamp(self.rng, self.style)
-        return self.layout.somewhere(lamp, corner_spots(self.layout.size, 0.36, self.rng), 0.05)
+        return self.layout.first_free(lamp, corner_spots(self.layout.size, 0.36, self.rng), 0.05)
 
-    def plant(self) -> Standing | None:
+    def plant(self) -> PlacedModel | None:
         plant = decor.plant(self.rng, self.style)
-        return self.layout.somewhere(plant, corner_spots(self.layout.size, 0.42, self.rng), 0.06)
+        return self.layout.first_free(plant, corner_spots(self.layout.size, 0.42, self.rng), 0.06)
 
-    def table(self) -> Standing | None:
+    def table(self) -> PlacedModel | None:
         model = furniture.dining_table(self.rng, self.style)
         reach = self.layout.size.half[:2] - 0.75
         spots = self.rng.uniform(-1, 1, (120, 3)) * np.array([*reach, 0.0])
         spots[:, 2] = self.rng.choice([0, np.pi / 2], 120)
-        return self.layout.somewhere(model, spots, 0.4)
+        return self.layout.first_free(model, spots, 0.4)
 
-    def chair(self) -> Standing | None:
+    def chair(self) -> PlacedModel | None:
         model = furniture.chair(self.rng, self.style)
-        return self.layout.somewhere(model, facing_spots(self.done["table"], 0.6, 0.95, self.rng), 0.04)
+        return self.layout.first_free(model, facing_spots(self.done["table"], 0.6, 0.95, self.rng), 0.04)
 
-    def ball(self) -> Standing | None:
+    def ball(self) -> PlacedModel | None:
         return self._on_floor(decor.ball_toy(self.rng, self.style))
 
-    def pouf(self) -> Standing | None:
+    def pouf(self) -> PlacedModel | None:
         return self._on_floor(furniture.pouf(self.rng, self.style))
 
-    def _on_floor(self, model: Model) -> Standing | None:
+    def _on_floor(self, model: Model) -> PlacedModel | None:
         spots = self.rng.uniform(-1, 1, (120, 3)) * np.array([*self.layout.size.half[:2] - 0.5, 3.0])
-        return self.layout.somewhere(model, spots, 0.15)
+        return self.layout.first_free(model, spots, 0.15)
 
-    def mug(self) -> Standing | None:
+    def mug(self) -> PlacedModel | None:
         return self.layout.on_top(decor.mug(self.rng, self.style), self.done["coffee_table"], 0, self.rng)
 
-    def books(self) -> Standing | None:
+    def books(self) -> PlacedModel | None:
         return self.layout.on_top(decor.book_pile(self.rng, self.style), self.done["coffee_table"], 0, self.rng)
 
-    def vase(self) -> Standing | None:
+    def vase(self) -> PlacedModel | None:
         return self.layout.on_top(decor.vase(self.rng, self.style), self.done["sideboard"], 0, self.rng)
 
-    def table_lamp(self) -> Standing | None:
+    def table_lamp(self) -> PlacedModel | None:
         return self.layout.on_top(decor.table_lamp(self.rng, self.style), self.done["sideboard"], 0, self.rng)
 
-    def fruit_bowl(self) -> Standing | None:
+    def fruit_bowl(self) -> PlacedModel | None:
         return self.layout.on_top(decor.fruit_bowl(self.rng, self.style), self.done["table"], 0, self.rng)
 
 
@@ -227,7 +227,7 @@ def corner_spots(size: RoomSize, inset: float, rng: Rng) -> Float[np.ndarray, "k
     return np.concatenate([places, rng.uniform(-3, 3, (len(places), 1))], -1)
 
 
-def facing_spots(target: Standing, near: float, far: float, rng: Rng) -> Float[np.ndarray, "k 3"]:
+def facing_spots(target: PlacedModel, near: float, far: float, rng: Rng) -> Float[np.ndarray, "k 3"]:
     """Places (x, y, yaw) round a thing, `near` to `far` metres from its middle, turned towards it."""
     angles = rng.uniform(-np.pi, np.pi, 80)
     distances = rng.uniform(near, far, 80)
@@ -236,7 +236,7 @@ def facing_spots(target: Standing, near: float, far: float, rng: Rng) -> Float[n
     return np.stack([x, y, yaw], -1)
 
 
-def _beside(thing: Standing, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:
+def _beside(thing: PlacedModel, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndarray, "k 3"]:
     """Places (x, y, yaw) given in the frame of a thing."""
     cosine, sine = np.cos(thing.yaw), np.sin(thing.yaw)
     x = thing.x + cosine * offsets[:, 0] - sine * offsets[:, 1]
@@ -244,7 +244,7 @@ def _beside(thing: Standing, offsets: Float[np.ndarray, "k 3"]) -> Float[np.ndar
     return np.stack([x, y, offsets[:, 2] + thing.yaw], -1)
 
 
-def finish_room(rng: Rng, style: Style, layout: Layout, openings: Openings) -> Room:
+def finish_room(rng: Rng, style: Style, layout: Layout, openings: Openings) -> FurnishedRoom:
     """Hang pictures where walls are free, lay the rug, close the shell, light it."""
     size = layout.size
     side_length = 0.6
@@ -257,7 +257,7 @@ def finish_room(rng: Rng, style: Style, layout: Layout, openings: Openings) -> R
     panels += _pictures(rng, style, layout, panels)
     lights = (light_of(openings.window, size, (7.5, 8.2, 9.2)), light_of(lamp, size, (13.0, 11.2, 8.8)))
     shell = make_shell(size, style, tuple(panels), accent_side=openings.sofa_side)
-    return Room(
+    return FurnishedRoom(
         size=size,
         shell=shell,
         objects={index + 1: thing.model for index, thing in enumerate(layout.things)},

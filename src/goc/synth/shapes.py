@@ -7,23 +7,23 @@ from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Solid:
+class PartMesh:
     """A closed triangle mesh: every edge on exactly two faces, counter-clockwise seen from outside."""
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "t 3"]
 
-    def moved(self, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> "Solid":
+    def moved(self, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> "PartMesh":
         """The solid, shifted."""
-        return Solid(vertices=self.vertices + np.array([x, y, z]), faces=self.faces)
+        return PartMesh(vertices=self.vertices + np.array([x, y, z]), faces=self.faces)
 
-    def turned(self, axis: str, angle: float) -> "Solid":
+    def turned(self, axis: str, angle: float) -> "PartMesh":
         """The solid, rotated about a coordinate axis through the origin, radians, right-handed."""
-        return Solid(vertices=self.vertices @ rotation(axis, angle).T, faces=self.faces)
+        return PartMesh(vertices=self.vertices @ rotation(axis, angle).T, faces=self.faces)
 
-    def bent(self, displacement: Float[np.ndarray, "v 3"]) -> "Solid":
+    def bent(self, displacement: Float[np.ndarray, "v 3"]) -> "PartMesh":
         """The solid with each vertex displaced."""
-        return Solid(vertices=self.vertices + displacement, faces=self.faces)
+        return PartMesh(vertices=self.vertices + displacement, faces=self.faces)
 
 
 def rotation(axis: str, angle: float) -> Float[np.ndarray, "3 3"]:
@@ -38,7 +38,7 @@ def rotation(axis: str, angle: float) -> Float[np.ndarray, "3 3"]:
 
 def rounded_box(
     size: tuple[float, float, float], radius: float = 0.004, segments: int = 1, divisions: int = 1
-) -> Solid:
+) -> PartMesh:
     """A box with rounded edges; one segment makes a chamfer, `divisions` cut each flat side for later bending."""
     half = np.array(size) / 2
     radius = min(radius, half.min() * 0.999)
@@ -52,10 +52,10 @@ def rounded_box(
     inner = np.clip(vertices, -(half - radius), half - radius)
     outward = vertices - inner
     vertices = inner + radius * outward / np.linalg.norm(outward, axis=-1, keepdims=True)
-    return Solid(vertices=vertices + np.array([0, 0, half[2]]), faces=faces)
+    return PartMesh(vertices=vertices + np.array([0, 0, half[2]]), faces=faces)
 
 
-def cushion(size: tuple[float, float, float], radius: float, puff: float) -> Solid:
+def cushion(size: tuple[float, float, float], radius: float, puff: float) -> PartMesh:
     """A soft box: round edges, and every side swollen by up to `puff` in its middle."""
     box = rounded_box(size, radius, segments=4, divisions=6)
     half = np.array(size) / 2
@@ -69,7 +69,7 @@ def cushion(size: tuple[float, float, float], radius: float, puff: float) -> Sol
     return box.bent(bulge)
 
 
-def lathe(profile: Float[np.ndarray, "k 2"], segments: int = 32) -> Solid:
+def lathe(profile: Float[np.ndarray, "k 2"], segments: int = 32) -> PartMesh:
     """The solid of revolution of (radius, z) points, from the axis outwards, up, and back to the axis.
 
     The first and the last point must have radius 0, all others more.
@@ -81,7 +81,7 @@ def lathe(profile: Float[np.ndarray, "k 2"], segments: int = 32) -> Solid:
     heights = np.broadcast_to(rings[:, None, 1:], (len(rings), segments, 1))
     ends = np.array([[0, 0, profile[0, 1]], [0, 0, profile[-1, 1]]])
     vertices = np.concatenate([ends, np.concatenate([sides, heights], -1).reshape(-1, 3)])
-    return Solid(vertices=vertices, faces=_ring_faces(len(rings), segments))
+    return PartMesh(vertices=vertices, faces=_ring_faces(len(rings), segments))
 
 
 def smooth_profile(points: list[tuple[float | int, float | int]], steps: int = 5) -> Float[np.ndarray, "k 2"]:
@@ -99,7 +99,9 @@ def smooth_profile(points: list[tuple[float | int, float | int]], steps: int = 5
     return curve
 
 
-def cylinder(radius: float, height: float, bevel: float = 0.003, segments: int = 28, top: float | None = None) -> Solid:
+def cylinder(
+    radius: float, height: float, bevel: float = 0.003, segments: int = 28, top: float | None = None
+) -> PartMesh:
     """A cylinder, or a cone frustum with radius `top` above, with chamfered rims."""
     upper = radius if top is None else top
     points = [
@@ -113,7 +115,7 @@ def cylinder(radius: float, height: float, bevel: float = 0.003, segments: int =
     return lathe(np.array(points, np.float64), segments)
 
 
-def ball(radius: float, segments: int = 32) -> Solid:
+def ball(radius: float, segments: int = 32) -> PartMesh:
     """A sphere that stands on z = 0."""
     theta = np.linspace(0, np.pi, segments // 2 + 1)
     profile = np.stack([radius * np.sin(theta), radius * (1 - np.cos(theta))], -1)
@@ -121,13 +123,13 @@ def ball(radius: float, segments: int = 32) -> Solid:
     return lathe(profile, segments)
 
 
-def prism(outline: Float[np.ndarray, "k 2"], height: float, bevel: float = 0.003) -> Solid:
+def prism(outline: Float[np.ndarray, "k 2"], height: float, bevel: float = 0.003) -> PartMesh:
     """A convex outline (counter-clockwise round the origin, which lies inside) drawn up, its rims chamfered."""
     shrunk = outline * (1 - bevel / np.linalg.norm(outline, axis=-1, keepdims=True))
     layers = [(shrunk, 0.0), (outline, bevel), (outline, height - bevel), (shrunk, height)]
     rings = [np.concatenate([line, np.full((len(line), 1), z)], -1) for line, z in layers]
     ends = np.array([[0.0, 0, 0], [0, 0, height]])
-    return Solid(vertices=np.concatenate([ends, *rings]), faces=_ring_faces(len(rings), len(outline)))
+    return PartMesh(vertices=np.concatenate([ends, *rings]), faces=_ring_faces(len(rings), len(outline)))
 
 
 def rounded_rectangle(width: float, depth: float, radius: float, segments: int = 6) -> Float[np.ndarray, "k 2"]:
@@ -140,7 +142,7 @@ def rounded_rectangle(width: float, depth: float, radius: float, segments: int =
     return np.concatenate(corners)
 
 
-def tube(path: Float[np.ndarray, "k 3"], radii: Float[np.ndarray, "k"] | float, sides: int = 12) -> Solid:
+def tube(path: Float[np.ndarray, "k 3"], radii: Float[np.ndarray, "k"] | float, sides: int = 12) -> PartMesh:
     """A round bar along a path, its flat ends square to it."""
     widths = np.broadcast_to(np.asarray(radii, np.float64), (len(path),))
     tangents = np.gradient(path, axis=0)
@@ -154,7 +156,7 @@ def tube(path: Float[np.ndarray, "k 3"], radii: Float[np.ndarray, "k"] | float, 
         beside = np.cross(tangent, across)
         rings.append(point + width * (np.cos(angles)[:, None] * across + np.sin(angles)[:, None] * beside))
     vertices = np.concatenate([path[[0, -1]], *rings])
-    return Solid(vertices=vertices, faces=_ring_faces(len(path), sides))
+    return PartMesh(vertices=vertices, faces=_ring_faces(len(path), sides))
 
 
 def _ring_faces(rings: int, segments: int) -> Int[np.ndarray, "t 3"]:

@@ -7,10 +7,10 @@ import numpy as np
 from jaxtyping import Float
 
 from goc.synth.lighting import AreaLight
-from goc.synth.materials import Colours, Fabric, Look, Material, Paint, Points, Rgb, linear, mix, step
-from goc.synth.model import Model, part
+from goc.synth.materials import Appearance, Colours, Fabric, Material, Paint, Points, Rgb, linear, mix, step
+from goc.synth.model import Model, make_part
 from goc.synth.noise import fractal_noise, value_noise
-from goc.synth.shapes import Solid
+from goc.synth.shapes import PartMesh
 from goc.synth.style import WHITE, Style
 
 FLOOR, CEILING = 4, 5
@@ -57,7 +57,7 @@ class RoomSize:
 
 
 @dataclass(frozen=True)
-class Shell:
+class ShellMaterial:
     """The material of all six sides, told apart by place."""
 
     size: RoomSize
@@ -67,14 +67,14 @@ class Shell:
     floor: Material
     panels: tuple[Panel, ...]
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """Floor, paint, skirting or panel; light of the window's panes and of the ceiling lamp."""
         side, flat = on_sides(points, self.size)
         colours = np.zeros((len(points), 3), np.float32)
         light = np.zeros((len(points), 3), np.float32)
         gloss = np.zeros(len(points), np.float32)
         floor, ceiling = side == FLOOR, side == CEILING
-        boards = self.floor.look(points[floor])
+        boards = self.floor.appearance(points[floor])
         colours[floor], gloss[floor] = boards.colour, boards.gloss
         colours[ceiling] = Paint(base=linear("eceae4"), unevenness=0.02).colour(points[ceiling])
         wall = ~(floor | ceiling)
@@ -87,7 +87,7 @@ class Shell:
             if len(chosen):
                 colours[chosen], light[chosen] = panel.art.paint(np.stack([u[inside], v[inside]], -1))
                 gloss[chosen] = 0.0
-        return Look(colour=colours, glow=light, gloss=gloss)
+        return Appearance(colour=colours, glow=light, gloss=gloss)
 
     def _walls(self, points: Points, side: np.ndarray) -> Colours:
         base = np.where((side == self.accent_side)[:, None], self.accent_wall, self.wall)
@@ -229,8 +229,8 @@ def make_shell(size: RoomSize, style: Style, panels: tuple[Panel, ...], accent_s
     corners = np.array([[a, b, c] for a in (-x, x) for b in (-y, y) for c in (0.0, z)])
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
     faces = np.array([face for a, b, c, d in quads for face in ((a, b, c), (a, c, d))], np.int32)
-    material = Shell(size, style.wall, style.accent_wall, accent_side, style.floor, panels)
-    return Model(name="room", parts=(part(Solid(vertices=corners, faces=faces), material, smooth=False),))
+    material = ShellMaterial(size, style.wall, style.accent_wall, accent_side, style.floor, panels)
+    return Model(name="room", parts=(make_part(PartMesh(vertices=corners, faces=faces), material, smooth=False),))
 
 
 def light_of(panel: Panel, size: RoomSize, radiance: Rgb) -> AreaLight:

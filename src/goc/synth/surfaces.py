@@ -7,8 +7,8 @@ import scipy.sparse
 from jaxtyping import Float, Float32, Int, Int16
 
 from goc.geometry.raycast import RayHits, TriangleScene
-from goc.synth.materials import Look, Material
-from goc.synth.model import Model, Part
+from goc.synth.materials import Appearance, Material
+from goc.synth.model import Model, ModelPart
 from goc.synth.vectors import dot, unit
 
 CREASE = np.cos(np.radians(40.0))
@@ -16,7 +16,7 @@ CREASE = np.cos(np.radians(40.0))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Surfaces:
+class RoomSurfaces:
     """Triangles t with what shading needs, a value for each corner."""
 
     scene: TriangleScene
@@ -32,7 +32,7 @@ class Surfaces:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Spots:
+class ShadingPoints:
     """Places on surfaces, such as what a camera's rays hit: n of them."""
 
     positions: Float[np.ndarray, "n 3"]
@@ -42,8 +42,8 @@ class Spots:
     texture: Float[np.ndarray, "n 3"]
     triangle: Int[np.ndarray, "n"]
 
-    def __getitem__(self, index: np.ndarray) -> "Spots":
-        return Spots(
+    def __getitem__(self, index: np.ndarray) -> "ShadingPoints":
+        return ShadingPoints(
             positions=self.positions[index],
             normals=self.normals[index],
             face_normals=self.face_normals[index],
@@ -55,14 +55,14 @@ class Spots:
         return len(self.triangle)
 
 
-def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
+def gather_surfaces(shell: Model, objects: dict[int, Model]) -> RoomSurfaces:
     """Cut all parts into triangles of at most 30 cm (the room: 45 cm), small enough to carry one brightness each."""
     pieces = [(0, item, 0.45) for item in shell.parts]
     pieces += [(key, item, 0.3) for key, model in objects.items() for item in model.parts]
     vertices, faces, owner, material, texture, normals, count = [], [], [], [], [], [], 0
     materials: list[Material] = []
     for key, item, longest in pieces:
-        both, triangles = subdivided(np.concatenate([item.solid.vertices, item.texture], -1), item.solid.faces, longest)
+        both, triangles = subdivided(np.concatenate([item.mesh.vertices, item.texture], -1), item.mesh.faces, longest)
         vertices.append(both[:, :3])
         faces.append(triangles + count)
         texture.append(both[:, 3:][triangles])
@@ -73,7 +73,7 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
         material.append(np.full(len(triangles), materials.index(item.material), np.int16))
         count += len(both)
     corners = np.concatenate(vertices)[np.concatenate(faces)]
-    return Surfaces(
+    return RoomSurfaces(
         scene=TriangleScene(np.concatenate(vertices).astype(np.float32), np.concatenate(faces).astype(np.int32)),
         owner=np.concatenate(owner),
         material=np.concatenate(material),
@@ -84,23 +84,23 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> Surfaces:
     )
 
 
-def seen_spots(
-    surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"], rays: Float[np.ndarray, "n 3"]
-) -> Spots:
+def visible_points(
+    surfaces: RoomSurfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"], rays: Float[np.ndarray, "n 3"]
+) -> ShadingPoints:
     """What rays hit, and where. The normals face whoever sees: sheets of scanned things are seen from both sides."""
-    spots = spots_at(surfaces, hits, positions)
-    back = dot(spots.face_normals, rays) > 0
+    points = points_at_hits(surfaces, hits, positions)
+    back = dot(points.face_normals, rays) > 0
     if not back.any():
-        return spots
+        return points
     sign = np.where(back, -1.0, 1.0).astype(np.float32)[:, None]
-    return replace(spots, normals=sign * spots.normals, face_normals=sign * spots.face_normals)
+    return replace(points, normals=sign * points.normals, face_normals=sign * points.face_normals)
 
 
-def spots_at(surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> Spots:
+def points_at_hits(surfaces: RoomSurfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> ShadingPoints:
     """What rays hit, and where; every ray must have hit something, as rays inside a closed room do."""
     weights = hits.barycentrics.astype(np.float32)
     triangle = hits.triangle
-    return Spots(
+    return ShadingPoints(
         positions=positions,
         normals=unit(np.einsum("nk,nkc->nc", weights, surfaces.normals[triangle])),
         face_normals=surfaces.face_normals[triangle],
@@ -109,31 +109,31 @@ def spots_at(surfaces: Surfaces, hits: RayHits, positions: Float[np.ndarray, "n 
     )
 
 
-def centre_spots(surfaces: Surfaces) -> Spots:
+def triangle_centres(surfaces: RoomSurfaces) -> ShadingPoints:
     """The middle of every triangle."""
     count = len(surfaces.owner)
     third = RayHits(
         t=np.zeros(count), triangle=np.arange(count, dtype=np.int32), barycentrics=np.full((count, 3), 1 / 3)
     )
     middles = surfaces.scene.vertices[surfaces.scene.faces].mean(1, dtype=np.float64)
-    return spots_at(surfaces, third, middles)
+    return points_at_hits(surfaces, third, middles)
 
 
-def look_at(surfaces: Surfaces, spots: Spots) -> Look:
+def appearance_at(surfaces: RoomSurfaces, points: ShadingPoints) -> Appearance:
     """What the materials look like at each spot."""
-    count = len(spots)
+    count = len(points)
     colour, glow, gloss = (
         np.zeros((count, 3), np.float32),
         np.zeros((count, 3), np.float32),
         np.zeros(count, np.float32),
     )
-    material = surfaces.material[spots.triangle]
+    material = surfaces.material[points.triangle]
     order = np.argsort(material, kind="stable")
     present, starts = np.unique(material[order], return_index=True)
     for index, chosen in zip(present, np.split(order, starts[1:]), strict=True):
-        look = surfaces.materials[index].look(spots.texture[chosen])
-        colour[chosen], glow[chosen], gloss[chosen] = look.colour, look.glow, look.gloss
-    return Look(colour=np.clip(colour, 0.0, 1.0), glow=glow, gloss=gloss)
+        appearance = surfaces.materials[index].appearance(points.texture[chosen])
+        colour[chosen], glow[chosen], gloss[chosen] = appearance.colour, appearance.glow, appearance.gloss
+    return Appearance(colour=np.clip(colour, 0.0, 1.0), glow=glow, gloss=gloss)
 
 
 def subdivided(
@@ -168,7 +168,7 @@ def _split_face(face: list[int], middle: dict[tuple[int, int], int]) -> list[lis
 
 
 def corner_normals(
-    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"], item: Part
+    vertices: Float[np.ndarray, "v 3"], faces: Int[np.ndarray, "t 3"], item: ModelPart
 ) -> Float[np.ndarray, "t 3 3"]:
     """Mean normal, weighted by area, of the faces round each corner that are within the crease angle of its own."""
     areas = _areas(vertices[faces])

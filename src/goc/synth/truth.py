@@ -7,9 +7,9 @@ from jaxtyping import Bool, Float, Float32
 
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Camera
-from goc.synth.model import Model, Part
-from goc.synth.overlap import hull_of
-from goc.synth.room import Room
+from goc.synth.collision import collision_mesh
+from goc.synth.model import Model, ModelPart
+from goc.synth.room import FurnishedRoom
 from goc.synth.vectors import dot, length
 
 SKIN_SAMPLES = 30_000
@@ -24,7 +24,7 @@ Samples = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]
 
 
 def true_samples(
-    room: Room, scene: TriangleScene, cameras: tuple[Camera, ...], seed: int
+    room: FurnishedRoom, scene: TriangleScene, cameras: tuple[Camera, ...], seed: int
 ) -> dict[str, Float32[np.ndarray, "..."]]:
     """What is compared with a reconstruction.
 
@@ -52,18 +52,18 @@ def _with_id(samples: Samples, key: int) -> Float[np.ndarray, "n 7"]:
     return np.concatenate([*samples, np.full((len(samples[0]), 1), float(key))], -1)
 
 
-def _area(parts: tuple[Part, ...]) -> float:
+def _area(parts: tuple[ModelPart, ...]) -> float:
     return float(sum(_face_areas(item).sum() for item in parts))
 
 
-def _face_areas(item: Part) -> Float[np.ndarray, "t"]:
-    a, b, c = (item.solid.vertices[item.solid.faces[:, i]] for i in range(3))
+def _face_areas(item: ModelPart) -> Float[np.ndarray, "t"]:
+    a, b, c = (item.mesh.vertices[item.mesh.faces[:, i]] for i in range(3))
     return 0.5 * length(np.cross(b - a, c - a))
 
 
-def _sampled(parts: tuple[Part, ...], count: int, rng: np.random.Generator) -> Samples:
+def _sampled(parts: tuple[ModelPart, ...], count: int, rng: np.random.Generator) -> Samples:
     """Area-uniform points on all parts, covered ones included."""
-    corners = np.concatenate([item.solid.vertices[item.solid.faces] for item in parts])
+    corners = np.concatenate([item.mesh.vertices[item.mesh.faces] for item in parts])
     areas = np.concatenate([_face_areas(item) for item in parts])
     face = rng.choice(len(areas), count, p=areas / areas.sum())
     first, second = rng.random((2, count, 1))
@@ -79,17 +79,17 @@ def _skin(model: Model, count: int, rng: np.random.Generator) -> tuple[Samples, 
     Of built-in things, whose parts are closed, that is what no other part covers; of scanned ones, what can be seen
     from outside.
     """
-    scenes = [hull_of(replace(model, parts=(item,))).scene for item in model.parts]
-    hull = hull_of(model).scene if any(item.scanned for item in model.parts) else None
+    scenes = [collision_mesh(replace(model, parts=(item,))).scene for item in model.parts]
+    outer = collision_mesh(model).scene if any(item.scanned for item in model.parts) else None
     points, normals = np.zeros((0, 3)), np.zeros((0, 3))
     drawn = 0
     while len(points) < count:
         more, facing = _sampled(model.parts, count, rng)
         drawn += count
-        if hull is None:
+        if outer is None:
             open_air = ~_covered(model.parts, scenes, more + _SKIN_OFFSET * facing)
         else:
-            open_air = _seen_from_outside(hull, more, facing)
+            open_air = _seen_from_outside(outer, more, facing)
         points, normals = np.concatenate([points, more[open_air]]), np.concatenate([normals, facing[open_air]])
     return (points[:count], normals[:count]), len(points) / drawn
 
@@ -114,12 +114,12 @@ def _seen_from_outside(
 
 
 def _covered(
-    parts: tuple[Part, ...], scenes: list[TriangleScene], points: Float[np.ndarray, "n 3"]
+    parts: tuple[ModelPart, ...], scenes: list[TriangleScene], points: Float[np.ndarray, "n 3"]
 ) -> Bool[np.ndarray, "n"]:
     """Whether each point lies inside some closed part: then the first surface above it is seen from behind."""
     covered = np.zeros(len(points), bool)
     for item, scene in zip(parts, scenes, strict=True):
-        low, high = item.solid.vertices.min(0), item.solid.vertices.max(0)
+        low, high = item.mesh.vertices.min(0), item.mesh.vertices.max(0)
         near = np.flatnonzero(((points >= low) & (points <= high)).all(-1))
         upward = np.broadcast_to(np.array([0.0123, 0.0217, 1.0]), (len(near), 3))  # askew: no ray along an edge
         hits = scene.closest_hit(points[near], upward)

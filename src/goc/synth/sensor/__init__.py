@@ -5,17 +5,17 @@ from goc.synth.sensor.depth import Lidar, StructuredLight, lidar_depth, structur
 from goc.synth.sensor.images import ImageFaults, expose, motion_blur
 from goc.synth.sensor.masks import corrupt_masks
 from goc.synth.sensor.models import MODELS, SensorConfig
-from goc.synth.sensor.monocular import Monocular, Stored, monocular_depth, monocular_normals
-from goc.synth.sensor.poses import PoseFaults, shake
+from goc.synth.sensor.monocular import MonocularDepth, StoredDepth, monocular_depth, monocular_normals
+from goc.synth.sensor.poses import PoseFaults, perturb_pose
 
 __all__ = [
     "MODELS",
     "ImageFaults",
     "Lidar",
-    "Monocular",
+    "MonocularDepth",
     "PoseFaults",
     "SensorConfig",
-    "Stored",
+    "StoredDepth",
     "StructuredLight",
     "corrupt_masks",
     "degrade_capture",
@@ -24,6 +24,6 @@ __all__ = [
     "monocular_depth",
     "monocular_normals",
     "motion_blur",
-    "shake",
+    "perturb_pose",
     "structured_light_depth",
 ]

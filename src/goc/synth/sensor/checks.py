@@ -3,7 +3,7 @@
 from goc.errors import ConfigError
 
 
-def within(owner: object, option: str, limits: dict[str, tuple[float | int, float | int]]) -> None:
+def check_ranges(owner: object, option: str, limits: dict[str, tuple[float | int, float | int]]) -> None:
     """Check fields of a configuration.
 
     Args:

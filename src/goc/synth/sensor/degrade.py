@@ -26,12 +26,12 @@ from goc.files import (
 )
 from goc.synth.folders import check_new
 from goc.synth.sensor.depth import Lidar, StructuredLight, lidar_depth, structured_light_depth
-from goc.synth.sensor.images import ImageFaults, spoil_image
+from goc.synth.sensor.images import ImageFaults, degrade_image
 from goc.synth.sensor.masks import corrupt_masks
 from goc.synth.sensor.models import SensorConfig
-from goc.synth.sensor.monocular import Monocular, monocular_depth, monocular_normals
-from goc.synth.sensor.poses import PoseFaults, shake
-from goc.synth.sensor.source import Entry, SourceCapture, link, read_source
+from goc.synth.sensor.monocular import MonocularDepth, monocular_depth, monocular_normals
+from goc.synth.sensor.poses import PoseFaults, perturb_pose
+from goc.synth.sensor.source import FrameEntry, SourceCapture, link, read_source
 
 _STAGE = "sensor"
 _MILLIMETRE = 0.001
@@ -41,7 +41,7 @@ _DEPTH, _NORMALS, _IMAGE, _POSE, _MASKS = range(5)
 
 
 @dataclass(frozen=True, kw_only=True)
-class _Outcome:
+class _DegradedView:
     """What became of one view."""
 
     changes: dict[str, Any] = field(default_factory=dict)
@@ -81,8 +81,8 @@ def degrade_capture(source: Path, out: Path, config: SensorConfig, notify: Liste
     # Two views at once: the filters leave the other core idle.
     with ThreadPoolExecutor(2) as pool:
         outcomes = {}
-        spoilt = pool.map(partial(_spoil, capture, out, config), capture.frames.values())
-        for name, outcome in zip(capture.frames, spoilt, strict=True):
+        degraded = pool.map(partial(_degrade, capture, out, config), capture.frames.values())
+        for name, outcome in zip(capture.frames, degraded, strict=True):
             outcomes[name] = outcome
             notify(Progress(stage=_STAGE, done=len(outcomes), total=len(capture.frames)))
     _link_rest(capture, out)
@@ -106,26 +106,26 @@ def _check_complete(capture: SourceCapture, config: SensorConfig) -> None:
         raise CaptureError(f"{where}: no frame has ids (instance_file_path). Leave --masks away.")
 
 
-def _spoil(capture: SourceCapture, out: Path, config: SensorConfig, entry: Entry) -> _Outcome:
+def _degrade(capture: SourceCapture, out: Path, config: SensorConfig, entry: FrameEntry) -> _DegradedView:
     """Write what belongs to one view."""
     name = zlib.crc32(entry.file_path.encode())
     rngs = [np.random.default_rng([config.seed, name, fault]) for fault in range(5)]
-    made = _Outcome()
-    made.changes.update(_spoil_image(capture, out, config.image, entry, rngs[_IMAGE]))
+    made = _DegradedView()
+    made.changes.update(_degrade_image(capture, out, config.image, entry, rngs[_IMAGE]))
     if entry.depth_file_path is not None:
-        outcome = _spoil_depth(capture, out, config, entry, rngs)
+        outcome = _degrade_depth(capture, out, config, entry, rngs)
         made.changes.update(outcome.changes)
         made.truth.update(outcome.truth)
     if config.pose != PoseFaults():
         exact = np.array(entry.transform_matrix)
         made.truth["transform_matrix"] = entry.transform_matrix
-        made.changes["transform_matrix"] = shake(exact, config.pose, rngs[_POSE]).tolist()
-    made.changes.update(_spoil_ids(capture, out, config.masks, entry, rngs[_MASKS]))
+        made.changes["transform_matrix"] = perturb_pose(exact, config.pose, rngs[_POSE]).tolist()
+    made.changes.update(_degrade_ids(capture, out, config.masks, entry, rngs[_MASKS]))
     return made
 
 
-def _spoil_image(
-    capture: SourceCapture, out: Path, faults: ImageFaults, entry: Entry, rng: np.random.Generator
+def _degrade_image(
+    capture: SourceCapture, out: Path, faults: ImageFaults, entry: FrameEntry, rng: np.random.Generator
 ) -> dict[str, str]:
     if faults == ImageFaults():
         link(capture.root / entry.file_path, out / entry.file_path)
@@ -133,27 +133,27 @@ def _spoil_image(
     image = read_image(capture.root / entry.file_path)
     path = Path(entry.file_path)
     path = path if path.suffix.lower() in (".png", ".jpg", ".jpeg") else path.with_suffix(".png")
-    write_image(out / path, spoil_image(image, faults, rng))
+    write_image(out / path, degrade_image(image, faults, rng))
     return {"file_path": path.as_posix()}
 
 
-def _spoil_depth(
-    capture: SourceCapture, out: Path, config: SensorConfig, entry: Entry, rngs: list[np.random.Generator]
-) -> _Outcome:
+def _degrade_depth(
+    capture: SourceCapture, out: Path, config: SensorConfig, entry: FrameEntry, rngs: list[np.random.Generator]
+) -> _DegradedView:
     path = Path(entry.depth_file_path or "")
     if config.depth is None:
         link(capture.root / path, out / path)
-        return _Outcome()
+        return _DegradedView()
     depth = read_depth(capture.root / path, capture.shared.depth_unit_scale_factor).astype(np.float64)
     camera = capture.camera(entry, depth.shape[1], depth.shape[0])
-    made = _Outcome(changes={"depth_file_path": path.with_suffix(".png").as_posix()})
+    made = _DegradedView(changes={"depth_file_path": path.with_suffix(".png").as_posix()})
     target = out / path.with_suffix(".png")
     match config.depth:
         case StructuredLight() as model:
             write_depth(target, structured_light_depth(depth, camera, model, rngs[_DEPTH]))
         case Lidar() as model:
             write_depth(target, lidar_depth(depth, model, rngs[_DEPTH]))
-        case Monocular() as model:
+        case MonocularDepth() as model:
             stored = monocular_depth(depth, model, rngs[_DEPTH])
             write_png(target, stored.values)
             made.truth.update(scale=stored.scale, offset=stored.offset)
@@ -164,8 +164,8 @@ def _spoil_depth(
     return made
 
 
-def _spoil_ids(
-    capture: SourceCapture, out: Path, share: float, entry: Entry, rng: np.random.Generator
+def _degrade_ids(
+    capture: SourceCapture, out: Path, share: float, entry: FrameEntry, rng: np.random.Generator
 ) -> dict[str, str]:
     path = _ids_path(capture, entry)
     if path is None:
@@ -177,7 +177,7 @@ def _spoil_ids(
     return {"instance_file_path": path.as_posix()}
 
 
-def _ids_path(capture: SourceCapture, entry: Entry) -> Path | None:
+def _ids_path(capture: SourceCapture, entry: FrameEntry) -> Path | None:
     """The id image that the frame names, or the one of its stem in instance/."""
     if entry.instance_file_path is not None:
         return Path(entry.instance_file_path)
@@ -195,11 +195,11 @@ def _link_rest(capture: SourceCapture, out: Path) -> None:
         link(path, out / path.relative_to(capture.root))
 
 
-def _document(document: dict[str, Any], config: SensorConfig, outcomes: dict[str, _Outcome]) -> dict[str, Any]:
+def _document(document: dict[str, Any], config: SensorConfig, outcomes: dict[str, _DegradedView]) -> dict[str, Any]:
     """A transforms file with what has changed."""
     frames = [frame | outcomes[frame["file_path"]].changes for frame in document["frames"]]
     changed = document | {"frames": frames}
-    if isinstance(config.depth, Monocular):
+    if isinstance(config.depth, MonocularDepth):
         changed |= {"depth_kind": config.depth.kind, "depth_unit_scale_factor": 1 / 65535}
     elif config.depth is not None:
         changed |= {"depth_unit_scale_factor": _MILLIMETRE}

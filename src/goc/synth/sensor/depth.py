@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from goc.geometry.normals import fitted_normals
 from goc.geometry.rays import pixel_rays
 from goc.scene import Camera
-from goc.synth.sensor.checks import within
+from goc.synth.sensor.checks import check_ranges
 
 Depth = Float[np.ndarray, "h w"]
 """z along the optical axis, metres; NaN = none."""
@@ -42,7 +42,7 @@ class StructuredLight:
     def __post_init__(self) -> None:
         limits = {"noise_m": (0, 1), "noise_per_m": (0, 1), "disparity_step": (0, 1), "jitter_px": (0, 20)}
         limits |= {"grazing_deg": (0, 90), "edge_holes": (0, 1), "min_m": (0, 1e6), "max_m": (self.min_m, 1e6)}
-        within(self, "kinect", limits)
+        check_ranges(self, "kinect", limits)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -59,7 +59,7 @@ class Lidar:
     """Nothing further is measured."""
 
     def __post_init__(self) -> None:
-        within(self, "phone", {"columns": (2, 8192), "noise_m": (0, 1), "noise_per_m": (0, 1), "max_m": (0, 1e6)})
+        check_ranges(self, "phone", {"columns": (2, 8192), "noise_m": (0, 1), "noise_per_m": (0, 1), "max_m": (0, 1e6)})
 
 
 _JUMP = 0.04

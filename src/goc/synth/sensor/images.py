@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from goc.files.colour import decode_srgb, encode_srgb
-from goc.synth.sensor.checks import within
+from goc.synth.sensor.checks import check_ranges
 
 Image = UInt8[np.ndarray, "h w 3"]
 
@@ -21,10 +21,10 @@ class ImageFaults:
     """Standard deviation of the exposure, in stops: one stop doubles the light."""
 
     def __post_init__(self) -> None:
-        within(self, "image", {"blur_px": (0, 200), "exposure_ev": (0, 5)})
+        check_ranges(self, "image", {"blur_px": (0, 200), "exposure_ev": (0, 5)})
 
 
-def spoil_image(image: Image, config: ImageFaults, rng: np.random.Generator) -> Image:
+def degrade_image(image: Image, config: ImageFaults, rng: np.random.Generator) -> Image:
     """An image with all faults: a random motion, both components normal, and a random exposure."""
     motion, stops = rng.standard_normal(2), float(rng.standard_normal())
     moved = motion_blur(decode_srgb(image), config.blur_px / np.sqrt(2) * motion)

@@ -2,19 +2,19 @@
 
 from dataclasses import dataclass, field
 
-from goc.synth.sensor.checks import within
+from goc.synth.sensor.checks import check_ranges
 from goc.synth.sensor.depth import Lidar, StructuredLight
 from goc.synth.sensor.images import ImageFaults
-from goc.synth.sensor.monocular import Monocular
+from goc.synth.sensor.monocular import MonocularDepth
 from goc.synth.sensor.poses import PoseFaults
 
-DepthModel = StructuredLight | Lidar | Monocular
+DepthModel = StructuredLight | Lidar | MonocularDepth
 
 MODELS: dict[str, DepthModel | None] = {
     "exact": None,
     "kinect": StructuredLight(),
     "phone": Lidar(),
-    "monocular": Monocular(),
+    "monocular": MonocularDepth(),
 }
 """Depth sensors by name, at their defaults; "exact" leaves the depth as it is."""
 
@@ -33,4 +33,4 @@ class SensorConfig:
     """Share of each view's masks that are swapped, dropped, dilated or eroded, 0 to 1."""
 
     def __post_init__(self) -> None:
-        within(self, "", {"seed": (0, 2**31), "masks": (0, 1)})
+        check_ranges(self, "", {"seed": (0, 2**31), "masks": (0, 1)})

@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt16
 
 from goc.geometry.normals import fitted_normals
 from goc.scene import Camera
-from goc.synth.sensor.checks import within
+from goc.synth.sensor.checks import check_ranges
 
 Depth = Float[np.ndarray, "h w"]
 Normals = Float[np.ndarray, "h w 3"]
@@ -23,7 +23,7 @@ _WAVES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class Monocular:
+class MonocularDepth:
     """Errors as networks make them. All but the unknown scale and offset can be switched off with 0."""
 
     kind: Literal["affine", "inverse"] = "affine"
@@ -46,11 +46,11 @@ class Monocular:
 
     def __post_init__(self) -> None:
         limits = {"margin": (0, 10), "waves": (0, 0.3), "blur_px": (0, 100), "noise": (0, 0.3)}
-        within(self, "monocular", limits | {"normal_error_deg": (0, 90), "normal_blur_px": (0, 100)})
+        check_ranges(self, "monocular", limits | {"normal_error_deg": (0, 90), "normal_blur_px": (0, 100)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Stored:
+class StoredDepth:
     """A depth image as it is stored, and what the reader is not told."""
 
     values: UInt16[np.ndarray, "h w"]
@@ -61,7 +61,7 @@ class Stored:
     """b."""
 
 
-def monocular_depth(depth: Depth, config: Monocular, rng: Rng) -> Stored:
+def monocular_depth(depth: Depth, config: MonocularDepth, rng: Rng) -> StoredDepth:
     """What a network says of the depth.
 
     z is blurred (holes stay holes), multiplied by 1 + a smooth random field, and by 1 + white noise; then w = z, or
@@ -75,16 +75,16 @@ def monocular_depth(depth: Depth, config: Monocular, rng: Rng) -> Stored:
     guess = 1 / guess if config.kind == "inverse" else guess
     known = np.isfinite(guess)
     if not known.any():
-        return Stored(values=np.zeros(depth.shape, np.uint16), scale=1.0, offset=0.0)
+        return StoredDepth(values=np.zeros(depth.shape, np.uint16), scale=1.0, offset=0.0)
     low, high = float(guess[known].min()), float(guess[known].max())
     span = max(high - low, 1e-6 * abs(high))
     low, high = low - config.margin * span * shares[0], high + config.margin * span * shares[1]
     shown = np.where(known, (np.where(known, guess, low) - low) / (high - low), 0.0)
     values = np.where(known, np.clip(np.rint(_TOP * shown), 1, _TOP), 0).astype(np.uint16)
-    return Stored(values=values, scale=high - low, offset=low)
+    return StoredDepth(values=values, scale=high - low, offset=low)
 
 
-def monocular_normals(depth: Depth, camera: Camera, config: Monocular, rng: Rng) -> Normals:
+def monocular_normals(depth: Depth, camera: Camera, config: MonocularDepth, rng: Rng) -> Normals:
     """What a network says of the normals: those of the depth, turned by a smooth random rotation, then blurred.
 
     The blur also fills the pixels at rims where the depth gives no normal.

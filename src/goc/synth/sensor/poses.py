@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from goc.synth.sensor.checks import within
+from goc.synth.sensor.checks import check_ranges
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,10 +19,10 @@ class PoseFaults:
     """Root mean square of the distance by which a camera is shifted."""
 
     def __post_init__(self) -> None:
-        within(self, "pose", {"rotation_deg": (0, 90), "translation_m": (0, 100)})
+        check_ranges(self, "pose", {"rotation_deg": (0, 90), "translation_m": (0, 100)})
 
 
-def shake(
+def perturb_pose(
     world_from_cam: Float[np.ndarray, "4 4"], config: PoseFaults, rng: np.random.Generator
 ) -> Float[np.ndarray, "4 4"]:
     """A pose turned about its own centre and shifted; rotation and shift vectors are normal and isotropic."""

@@ -18,7 +18,7 @@ _MAIN = "transforms.json"
 _LENS = ("fl_x", "fl_y", "cx", "cy", "w", "h")
 
 
-class Entry(msgspec.Struct, kw_only=True):
+class FrameEntry(msgspec.Struct, kw_only=True):
     """One frame of a transforms.json."""
 
     file_path: str
@@ -34,7 +34,7 @@ class Entry(msgspec.Struct, kw_only=True):
 
 
 class _Transforms(msgspec.Struct, kw_only=True):
-    frames: list[Entry]
+    frames: list[FrameEntry]
     depth_unit_scale_factor: float = 0.001
     depth_kind: str = "metric"
     ply_file_path: str | None = None
@@ -55,12 +55,12 @@ class SourceCapture:
     """Name of the file that lists the views."""
     documents: dict[str, dict[str, Any]]
     """All transforms files of the folder as they are, by name."""
-    frames: dict[str, Entry]
+    frames: dict[str, FrameEntry]
     """All views by image path."""
     shared: _Transforms
     """The top of the main file."""
 
-    def camera(self, entry: Entry, width: int, height: int) -> Camera:
+    def camera(self, entry: FrameEntry, width: int, height: int) -> Camera:
         """Intrinsics of a view, at the size of its depth image; the pose is the identity.
 
         Raises:
@@ -97,7 +97,7 @@ def read_source(path: Path) -> SourceCapture:
     else:
         raise CaptureError(f"{path}: no capture here: {_MAIN} is missing. Give the folder of a nerfstudio capture.")
     parsed = {name: read_json(root / name, _Transforms) for name in names}
-    frames: dict[str, Entry] = {}
+    frames: dict[str, FrameEntry] = {}
     for name, document in parsed.items():
         for entry in document.frames:
             _check_inside(root / name, entry)
@@ -108,7 +108,7 @@ def read_source(path: Path) -> SourceCapture:
     return SourceCapture(root=root, main=names[0], documents=documents, frames=frames, shared=parsed[names[0]])
 
 
-def _check_inside(where: Path, entry: Entry) -> None:
+def _check_inside(where: Path, entry: FrameEntry) -> None:
     """Paths are kept in the copy, so they must not lead out of it."""
     for path in (entry.file_path, entry.depth_file_path, entry.instance_file_path):
         if path is not None and (Path(path).is_absolute() or ".." in Path(path).parts):

@@ -16,7 +16,7 @@ _INSIDE = np.array([[0.0123, 0.0217, 1.0], [1.0, 0.0171, 0.0113], [0.0191, -1.0,
 
 
 @dataclass(frozen=True, eq=False)
-class Hull:
+class CollisionMesh:
     """A thing's surface in the world, ready for tests."""
 
     scene: TriangleScene
@@ -27,15 +27,15 @@ class Hull:
         return self.scene.vertices.min(0).astype(float), self.scene.vertices.max(0).astype(float)
 
 
-def hull_of(model: Model) -> Hull:
+def collision_mesh(model: Model) -> CollisionMesh:
     """All parts as one surface."""
-    starts = np.cumsum([0] + [len(item.solid.vertices) for item in model.parts])
-    faces = [item.solid.faces + start for item, start in zip(model.parts, starts, strict=False)]
-    vertices = np.concatenate([item.solid.vertices for item in model.parts]).astype(np.float32)
-    return Hull(TriangleScene(vertices, np.concatenate(faces).astype(np.int32)))
+    starts = np.cumsum([0] + [len(item.mesh.vertices) for item in model.parts])
+    faces = [item.mesh.faces + start for item, start in zip(model.parts, starts, strict=False)]
+    vertices = np.concatenate([item.mesh.vertices for item in model.parts]).astype(np.float32)
+    return CollisionMesh(TriangleScene(vertices, np.concatenate(faces).astype(np.int32)))
 
 
-def interpenetrate(upper: Hull, lower: Hull) -> bool:
+def interpenetrate(upper: CollisionMesh, lower: CollisionMesh) -> bool:
     """Whether two things share space, where the upper one may stand on the lower one.
 
     Two surfaces cross if and only if an edge of one pierces the other; if none does, one thing could still lie wholly
@@ -78,7 +78,7 @@ def _within(points: Float[np.ndarray, "n 3"], scene: TriangleScene) -> Bool[np.n
     return votes >= 2
 
 
-def height_above(upper: Hull, lower: Hull, reach: float = 0.03) -> float:
+def height_above(upper: CollisionMesh, lower: CollisionMesh, reach: float = 0.03) -> float:
     """How far the upper thing can sink until it touches the lower one; infinity where it would pass beside it.
 
     Vertical rays from the vertices of each one's lowest (highest) parts to the other's surface: exact where a vertex

@@ -7,7 +7,7 @@ from jaxtyping import UInt8
 
 from goc.files.any_mesh import MeshPiece, sample_texture
 from goc.files.colour import decode_srgb
-from goc.synth.materials import Look, Points
+from goc.synth.materials import Appearance, Points
 
 GREY = (0.5, 0.5, 0.5)
 """Linear reflectance of what has no colour."""
@@ -16,30 +16,30 @@ _BRIGHTEST = 0.85
 
 
 @dataclass(frozen=True, eq=False)
-class Texture:
+class ImageTexture:
     """An image as albedo; points are (u, v, anything)."""
 
     image: UInt8[np.ndarray, "h w 3"]
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """Bilinear samples."""
-        return Look(colour=np.minimum(sample_texture(self.image, points[:, :2]), _BRIGHTEST))
+        return Appearance(colour=np.minimum(sample_texture(self.image, points[:, :2]), _BRIGHTEST))
 
 
 @dataclass(frozen=True, eq=False)
 class VertexColours:
     """Points are the linear colours themselves, which lie between those of the corners."""
 
-    def look(self, points: Points) -> Look:
+    def appearance(self, points: Points) -> Appearance:
         """The points, as colours."""
-        return Look(colour=np.clip(points, 0.0, _BRIGHTEST).astype(np.float32))
+        return Appearance(colour=np.clip(points, 0.0, _BRIGHTEST).astype(np.float32))
 
 
-def painted(piece: MeshPiece) -> tuple[Texture | VertexColours, Points]:
+def material_of(piece: MeshPiece) -> tuple[ImageTexture | VertexColours, Points]:
     """The material of a piece, and its texture coordinates at the vertices."""
     count = len(piece.mesh.vertices)
     if piece.texture is not None and piece.uv is not None:
-        return Texture(piece.texture), np.concatenate([piece.uv, np.zeros((count, 1))], -1).astype(np.float64)
+        return ImageTexture(piece.texture), np.concatenate([piece.uv, np.zeros((count, 1))], -1).astype(np.float64)
     if piece.mesh.colours is not None:
         return VertexColours(), decode_srgb(piece.mesh.colours)
     return VertexColours(), np.broadcast_to(np.array(GREY), (count, 3)).copy()
