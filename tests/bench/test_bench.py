@@ -5,7 +5,7 @@ import pytest
 from goc.bench import BenchConfig, bench, stage
 from goc.bench.document import document
 from goc.bench.paper import TABLES
-from goc.bench.plan import Row, Run, Table, plan, rooms_of
+from goc.bench.plan import Run, Table, TableRow, plan, rooms_of
 from goc.bench.result import Result
 from goc.bench.run import RESULT, kept_result, measure, source_commit
 from goc.errors import BenchError, CaptureError, ConfigError, FileError
@@ -132,14 +132,14 @@ def test_a_run_that_fails_stops_no_other(faked):
 
 def test_a_row_is_the_mean_of_its_runs():
     runs = (Run(room="a", views="full"), Run(room="b", views="full"))
-    table = Table(title="T", note="N", kind="geometry", rows=(Row(label="both", runs=runs),), paper="table1")
+    table = Table(title="T", note="N", kind="geometry", rows=(TableRow(label="both", runs=runs),), paper="table1")
     other = result_of(runs[1], values=VALUES | {"accuracy": 0.007, "chamfer": None}, seconds=30.0, found=10)
     text = document([table], {runs[0].name: result_of(runs[0]), runs[1].name: other}, this_machine(), "goc bench")
     line = next(line for line in text.splitlines() if line.startswith("| both"))
     cells = [cell.strip() for cell in line.split("|")]
     assert cells[2:6] == ["0.0060", "0.0200", "", "0.950"]  # no CD: one of the rooms has none
     assert cells[-4:-1] == ["19 of 20", "1.0", "1.50"]
-    done = replace(table, rows=(Row(label="done", runs=runs, completed=True),))
+    done = replace(table, rows=(TableRow(label="done", runs=runs, completed=True),))
     text_done = document([done], {run.name: result_of(run) for run in runs}, this_machine(), "goc bench")
     assert "| done | 0.0090 |" in text_done
     assert "*paper:* GOC without OSC | 0.0045 | 0.0543" in text
@@ -148,7 +148,7 @@ def test_a_row_is_the_mean_of_its_runs():
 
 def test_stages_of_timed_runs_are_a_table():
     runs = (Run(room="a", views="full"), Run(room="b", views="full", method="fuse"), Run(room="c", views="full"))
-    table = Table(title="T", note="N", kind="completion", rows=(Row(label="all", runs=runs),))
+    table = Table(title="T", note="N", kind="completion", rows=(TableRow(label="all", runs=runs),))
     stages = ({"reconstruct": 50.0, "extract": 12.25}, {"extract": 9.0, "complete": 4.0}, {})
     results = {run.name: result_of(run, stages=of_run) for run, of_run in zip(runs, stages, strict=True)}
     text = document([table], results, this_machine(), "goc bench")

@@ -5,8 +5,8 @@ import pytest
 import torch
 
 from assets import box_mesh
-from goc.evaluation.culling import Refusion, in_frustums, refuse
-from goc.evaluation.protocol_phyrecon import voxel_means
+from goc.evaluation.culling import RefusionConfig, cull_to_frustums, fuse_renders
+from goc.evaluation.protocols.phyrecon import voxel_means
 from goc.scene import Camera, Mesh
 from solids import cuboid, joined
 
@@ -31,39 +31,39 @@ def board(depth, half=0.5):
 
 
 def test_a_square_is_fused_where_it_stands():
-    found = refuse(board(1.503), (camera(),), Refusion())
+    found = fuse_renders(board(1.503), (camera(),), RefusionConfig())
     np.testing.assert_allclose(found.vertices[:, 2], 1.503, atol=1e-4)
     assert np.abs(found.vertices[:, :2]).max() == pytest.approx(0.5, abs=0.02)
     assert len(found.vertices) == pytest.approx(100 * 100, rel=0.1)  # a vertex each centimetre
 
 
 def test_what_is_hidden_turned_away_or_too_far_is_not_there():
-    hidden = refuse(joined(board(1.0, 0.6), board(1.5)), (camera(),), Refusion())
+    hidden = fuse_renders(joined(board(1.0, 0.6), board(1.5)), (camera(),), RefusionConfig())
     np.testing.assert_allclose(hidden.vertices[:, 2], 1.0, atol=1e-4)
     away = Mesh(vertices=board(1.0).vertices, faces=np.ascontiguousarray(board(1.0).faces[:, ::-1]))
-    assert len(refuse(away, (camera(),), Refusion()).faces) == 0
-    through = refuse(joined(away, board(1.5)), (camera(),), Refusion())
+    assert len(fuse_renders(away, (camera(),), RefusionConfig()).faces) == 0
+    through = fuse_renders(joined(away, board(1.5)), (camera(),), RefusionConfig())
     np.testing.assert_allclose(through.vertices[:, 2], 1.5, atol=1e-4)
-    assert len(refuse(board(5.2), (camera(),), Refusion()).faces) == 0
-    assert len(refuse(board(-1.0), (camera(),), Refusion()).faces) == 0
-    assert len(refuse(board(1.0), (), Refusion()).faces) == 0
+    assert len(fuse_renders(board(5.2), (camera(),), RefusionConfig()).faces) == 0
+    assert len(fuse_renders(board(-1.0), (camera(),), RefusionConfig()).faces) == 0
+    assert len(fuse_renders(board(1.0), (), RefusionConfig()).faces) == 0
 
 
 def test_large_volumes_are_fused_in_parts_with_the_same_result(monkeypatch):
     cameras = (camera(), camera((0.2, 0.1, 0.0)))
-    whole = refuse(board(1.203), cameras, Refusion())
+    whole = fuse_renders(board(1.203), cameras, RefusionConfig())
     monkeypatch.setattr("goc.evaluation.culling._CHUNK_BLOCKS", 7)
-    parts = refuse(board(1.203), cameras, Refusion())
+    parts = fuse_renders(board(1.203), cameras, RefusionConfig())
     np.testing.assert_array_equal(whole.vertices, parts.vertices)
     np.testing.assert_array_equal(whole.faces, parts.faces)
 
 
 def test_faces_outside_all_frustums_are_dropped_and_hidden_ones_kept():
     boards = joined(board(1.0), board(2.0), Mesh(vertices=board(1.0).vertices + 10, faces=board(1.0).faces))
-    assert len(in_frustums(boards, (camera(),)).faces) == 4
-    assert len(in_frustums(boards, (camera((10.0, 10.0, 10.0)),)).faces) == 2
-    assert len(in_frustums(box_mesh(np.array([[-1, -1, -3.0], [1, 1, -2]])), (camera(),)).faces) == 0
-    assert len(in_frustums(cuboid((-0.1, -0.1, 1), (0.1, 0.1, 1.2)), ()).faces) == 0
+    assert len(cull_to_frustums(boards, (camera(),)).faces) == 4
+    assert len(cull_to_frustums(boards, (camera((10.0, 10.0, 10.0)),)).faces) == 2
+    assert len(cull_to_frustums(box_mesh(np.array([[-1, -1, -3.0], [1, 1, -2]])), (camera(),)).faces) == 0
+    assert len(cull_to_frustums(cuboid((-0.1, -0.1, 1), (0.1, 0.1, 1.2)), ()).faces) == 0
 
 
 def test_voxel_means():

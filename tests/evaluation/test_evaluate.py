@@ -10,7 +10,7 @@ from captures import ROOM_BOX
 from goc.errors import CaptureError, EvaluationError, FileError
 from goc.evaluation import Evaluation, evaluate, write_evaluation
 from goc.evaluation.prediction import read_prediction
-from goc.evaluation.protocol_replica import oriented_box
+from goc.evaluation.protocols.replica import oriented_box
 from goc.evaluation.truth import read_truth
 from goc.files import write_mesh
 from solids import cuboid, joined, moved, sphere, with_face_flipped
@@ -31,8 +31,8 @@ def perfect(tmp_path):
 
 @pytest.fixture
 def few_samples(monkeypatch):
-    monkeypatch.setattr("goc.evaluation.protocol_phyrecon._NORMAL_SAMPLES", 20_000)
-    monkeypatch.setattr("goc.evaluation.protocol_replica._SCENE_SAMPLES", 80_000)
+    monkeypatch.setattr("goc.evaluation.protocols.phyrecon._NORMAL_SAMPLES", 20_000)
+    monkeypatch.setattr("goc.evaluation.protocols.replica._SCENE_SAMPLES", 80_000)
 
 
 def test_the_truth_itself_is_perfect(truth, perfect):
@@ -124,7 +124,7 @@ def test_a_folder_of_meshes_will_do(truth, tmp_path):
 
 
 def test_an_evaluation_can_be_written_and_read_again_and_repeats_itself(truth, perfect, tmp_path, monkeypatch):
-    monkeypatch.setattr("goc.evaluation.pictures._SIZE", 24)
+    monkeypatch.setattr("goc.evaluation.error_maps._SIZE", 24)
     found = evaluate(perfect, truth)
     write_evaluation(found, tmp_path / "a", worst=1)
     write_evaluation(evaluate(perfect, truth), tmp_path / "b", worst=1)

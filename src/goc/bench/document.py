@@ -2,8 +2,8 @@
 
 import math
 
-from goc.bench.paper import TABLES, Quoted
-from goc.bench.plan import Kind, Row, Table
+from goc.bench.paper import TABLES, PaperRow
+from goc.bench.plan import Kind, Table, TableRow
 from goc.bench.result import Result
 from goc.runs.machine import Machine
 
@@ -105,7 +105,7 @@ def _table(table: Table, results: dict[str, Result]) -> str:
     return "\n".join(lines)
 
 
-def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, int], ...]) -> str:
+def _ours(row: TableRow, results: dict[str, Result], columns: tuple[tuple[str, str, int], ...]) -> str:
     found = [results[run.name] for run in row.runs if run.name in results]
     if len(found) < len(row.runs):
         return "| " + " | ".join([row.label, *("–" for _ in columns), "–", "–", "–"]) + " |"
@@ -117,7 +117,7 @@ def _ours(row: Row, results: dict[str, Result], columns: tuple[tuple[str, str, i
     return "| " + " | ".join([row.label, *cells, objects, minutes, gigabytes]) + " |"
 
 
-def _theirs(quoted: Quoted, columns: tuple[tuple[str, str, int], ...]) -> str:
+def _theirs(quoted: PaperRow, columns: tuple[tuple[str, str, int], ...]) -> str:
     cells = [_shown(quoted.values.get(key), 4) for key, _, _ in columns]
     return "| " + " | ".join([f"*paper:* {quoted.label}", *cells, "", quoted.time, ""]) + " |"
 

@@ -50,7 +50,7 @@ class Run:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class TableRow:
     """A line of a table: the mean over its runs."""
 
     label: str
@@ -66,7 +66,7 @@ class Table:
     title: str
     note: str
     kind: Kind
-    rows: tuple[Row, ...]
+    rows: tuple[TableRow, ...]
     paper: str | None = None
     """Key in `paper.TABLES`."""
 
@@ -113,8 +113,8 @@ def _common_words(config: BenchConfig) -> tuple[str, ...]:
     return tuple(words)
 
 
-def _row(label: str, rooms: list[str], views: Views, words: tuple[str, ...] = (), **given: str) -> Row:
-    return Row(label=label, runs=tuple(Run(room=room, views=views, words=words, **given) for room in rooms))  # type: ignore[arg-type]
+def _row(label: str, rooms: list[str], views: Views, words: tuple[str, ...] = (), **given: str) -> TableRow:
+    return TableRow(label=label, runs=tuple(Run(room=room, views=views, words=words, **given) for room in rooms))  # type: ignore[arg-type]
 
 
 def _rooms(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
@@ -143,7 +143,7 @@ def _rooms(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> li
 def _completion(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -> list[Table]:
     given, tables = _given(rooms), []
     for views in TRANSFORMS:
-        rows: list[Row] = []
+        rows: list[TableRow] = []
         by_room = {f"· {room}, ": [room] for room in given} if len(given) > 1 else {}
         for label, some in ({"": given} | by_room).items():
             rows += [

@@ -13,7 +13,7 @@ from rich.table import Table
 from goc.cli.progress import shown_progress
 from goc.errors import ConfigError
 from goc.evaluation import Evaluation, Matching, MeshChoice, Protocol, evaluate, write_evaluation
-from goc.evaluation.wording import WORDING, tally, worth_a_column
+from goc.evaluation.metric_format import METRICS, summary_sentence, table_columns
 
 _DESCRIPTION = """Compare what a run made with the complete truth of its capture.
 
@@ -22,7 +22,7 @@ RUN is the output folder of `goc carve`, or any folder of <id>.ply (and scene.pl
 
 examples:
   goc eval kitchen --truth captures/kitchen
-  goc eval kitchen --truth captures/kitchen --meshes observed --out judged
+  goc eval kitchen --truth captures/kitchen --meshes observed --out scores
   goc eval meshes --truth captures/kitchen --match shape
   goc eval kitchen --truth captures/kitchen/transforms_sparse.json --protocol phyrecon-scannet"""
 
@@ -64,7 +64,7 @@ def main(words: Sequence[str]) -> int:
         write_evaluation(found, out, given.worst, notify)
     console = Console(file=sys.stdout)
     console.print(_table(found))
-    sys.stdout.write(f"{tally(found)}\n  figures  {out / 'eval.json'}\n  page     {out / 'eval.html'}\n")
+    sys.stdout.write(f"{summary_sentence(found)}\n  figures  {out / 'eval.json'}\n  page     {out / 'eval.html'}\n")
     return 0
 
 
@@ -77,8 +77,8 @@ def _table(found: Evaluation) -> Table:
     table.add_column("worst", justify="right")
     table.add_column("object")
     table.add_column("scene", justify="right")
-    for name in worth_a_column(found):
-        word = WORDING[name]
+    for name in table_columns(found):
+        word = METRICS[name]
         worst, whose = _worst(found, name)
         table.add_row(
             f"{word.title} {word.unit}".strip(),
@@ -96,6 +96,6 @@ def _worst(found: Evaluation, name: str) -> tuple[float | None, str]:
     values = {id: item.figures[name] for id, item in found.objects.items() if item.figures.get(name) is not None}
     if not values:
         return None, ""
-    pick = max if WORDING[name].less_is_better else min
+    pick = max if METRICS[name].less_is_better else min
     id = pick(values, key=lambda key: values[key] or 0.0)
     return values[id], f"{id} {found.objects[id].label}"

@@ -20,7 +20,7 @@ _LAYERS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class Refusion:
+class RefusionConfig:
     """Settings of PhyRecon's ScanNet evaluation (Open3D's ScalableTSDFVolume there)."""
 
     voxel: float = 0.01
@@ -29,7 +29,7 @@ class Refusion:
     """Farther pixels are not fused."""
 
 
-def refuse(mesh: Mesh, cameras: tuple[Camera, ...], settings: Refusion) -> Mesh:
+def fuse_renders(mesh: Mesh, cameras: tuple[Camera, ...], settings: RefusionConfig) -> Mesh:
     """Fuse renders of a mesh from all cameras: what is left is what they saw, tessellated evenly.
 
     Back faces are not rendered. Depth is z; each pixel speaks for the signed distance along its ray.
@@ -52,7 +52,7 @@ def refuse(mesh: Mesh, cameras: tuple[Camera, ...], settings: Refusion) -> Mesh:
     return Mesh(vertices=vertices, faces=faces)
 
 
-def in_frustums(mesh: Mesh, cameras: tuple[Camera, ...]) -> Mesh:
+def cull_to_frustums(mesh: Mesh, cameras: tuple[Camera, ...]) -> Mesh:
     """The faces with some corner inside some camera's image; what stands in between is not looked at."""
     vertices = mesh.vertices.astype(np.float64)
     inside = np.zeros(len(vertices), bool)

@@ -55,8 +55,8 @@ def label_recall(
     if id not in predicted:
         return _share(np.zeros(len(points), bool), clear)
     own, _ = predicted[id].nearest(points, RECALL_WITHIN)
-    rivals = (scene for key, scene in predicted.items() if key != id)
-    other = _nearest_of(rivals, points, np.minimum(own, RECALL_WITHIN))
+    other_predictions = (scene for key, scene in predicted.items() if key != id)
+    other = _nearest_of(other_predictions, points, np.minimum(own, RECALL_WITHIN))
     return _share((own <= RECALL_WITHIN) & (own <= other), clear)
 
 

@@ -9,7 +9,7 @@ import msgspec
 
 from goc.errors import EvaluationError
 from goc.evaluation.result import MeshChoice
-from goc.evaluation.solids import Solid
+from goc.evaluation.volumes import SolidMesh
 from goc.files import is_file, is_folder, read_json, read_mesh
 from goc.scene import Mesh
 
@@ -24,9 +24,9 @@ class PredictedObject:
     source: Literal["observed", "completed", "file"]
 
     @cached_property
-    def solid(self) -> Solid:
+    def solid(self) -> SolidMesh:
         """For what is asked of it as a body."""
-        return Solid(self.mesh)
+        return SolidMesh(self.mesh)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -32,7 +32,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class Exhibit:
+class ErrorMaps:
     """One object in pictures, as data: URIs of PNG files."""
 
     id: int
@@ -53,13 +53,13 @@ def worst_objects(evaluation: Evaluation, count: int) -> list[int]:
     return sorted(evaluation.objects, key=quality)[:count]
 
 
-def exhibits(evaluation: Evaluation, run: Path, truth: Path, count: int) -> list[Exhibit]:
+def worst_error_maps(evaluation: Evaluation, run: Path, truth: Path, count: int) -> list[ErrorMaps]:
     """Picture the worst objects of an evaluation of `run` against `truth`."""
     known, made = read_truth(truth), read_prediction(run, evaluation.meshes)
     found = []
     for id in worst_objects(evaluation, count):
         own = evaluation.objects[id].predicted
-        found.append(_exhibit(id, known, None if own is None else made.objects[own].mesh))
+        found.append(_error_maps(id, known, None if own is None else made.objects[own].mesh))
     return found
 
 
@@ -70,12 +70,12 @@ def colours_of_distance(distances: Float64[np.ndarray, "n"]) -> Float64[np.ndarr
     return np.stack([np.interp(distances, places, channels[:, axis]) for axis in range(3)], axis=1)
 
 
-def _exhibit(id: int, truth: Truth, predicted: Mesh | None) -> Exhibit:
+def _error_maps(id: int, truth: Truth, predicted: Mesh | None) -> ErrorMaps:
     true = truth.mesh(id)
     if predicted is None:
         grey = Mesh(vertices=true.vertices, faces=true.faces)
-        return Exhibit(id=id, prediction=[], truth=_uris(turntable(grey, _UP, _SIZE, true, count=_SIDES)))
-    return Exhibit(
+        return ErrorMaps(id=id, prediction=[], truth=_uris(turntable(grey, _UP, _SIZE, true, count=_SIDES)))
+    return ErrorMaps(
         id=id,
         prediction=_uris(turntable(predicted, _UP, _SIZE, true, _painter(true), _SIDES)),
         truth=_uris(turntable(true, _UP, _SIZE, true, _painter(predicted), _SIDES)),

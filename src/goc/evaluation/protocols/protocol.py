@@ -17,7 +17,7 @@ Settings = dict[str, float | int | str | list[float]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Task:
+class MatchedRun:
     """A run and a truth with their objects matched: what every protocol is given."""
 
     truth: Truth
@@ -30,7 +30,7 @@ class Task:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Judged:
+class ProtocolResult:
     """Figures of each object and of the scene; NaN and infinity where undefined."""
 
     objects: dict[int, dict[str, float]]

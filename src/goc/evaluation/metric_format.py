@@ -9,7 +9,7 @@ NOTHING = "–"
 
 
 @dataclass(frozen=True, kw_only=True)
-class Wording:
+class MetricFormat:
     """One figure's column."""
 
     title: str
@@ -25,19 +25,19 @@ class Wording:
         return NOTHING if value is None else f"{value * self.scale:,.{self.digits}f}"
 
 
-def _share(title: str, meaning: str) -> Wording:
-    return Wording(title=title, unit="", scale=1.0, digits=3, meaning=meaning, less_is_better=False)
+def _share(title: str, meaning: str) -> MetricFormat:
+    return MetricFormat(title=title, unit="", scale=1.0, digits=3, meaning=meaning, less_is_better=False)
 
 
-def _length(title: str, meaning: str) -> Wording:
-    return Wording(title=title, unit="mm", scale=1e3, digits=1, meaning=meaning, less_is_better=True)
+def _length(title: str, meaning: str) -> MetricFormat:
+    return MetricFormat(title=title, unit="mm", scale=1e3, digits=1, meaning=meaning, less_is_better=True)
 
 
-def _volume(title: str, meaning: str) -> Wording:
-    return Wording(title=title, unit="l", scale=1e3, digits=2, meaning=meaning, less_is_better=True)
+def _volume(title: str, meaning: str) -> MetricFormat:
+    return MetricFormat(title=title, unit="l", scale=1e3, digits=2, meaning=meaning, less_is_better=True)
 
 
-WORDING: Mapping[str, Wording] = {
+METRICS: Mapping[str, MetricFormat] = {
     "f_score_0.05": _share("F 5 cm", "harmonic mean of precision and recall at 5 cm"),
     "f_score_0.01": _share("F 1 cm", "harmonic mean of precision and recall at 1 cm"),
     "accuracy": _length("Acc", "mean distance from the predicted surface to the true one"),
@@ -52,7 +52,7 @@ WORDING: Mapping[str, Wording] = {
     "label_recall": _share("Label recall", "share of the seen true surface that its own prediction shows within 2 cm"),
     "watertight": _share("Watertight", "share of objects whose mesh is closed and well formed"),
     "iou": _share("IoU", "volume in both over volume in either; 0 where the prediction is missing or open"),
-    "volume_relative_error": Wording(
+    "volume_relative_error": MetricFormat(
         title="Volume error",
         unit="%",
         scale=100.0,
@@ -63,7 +63,7 @@ WORDING: Mapping[str, Wording] = {
     "volume": _volume("Volume", "of a watertight prediction"),
     "volume_truth": _volume("True volume", "of the true solid"),
     "volume_error": _volume("Volume off by", "absolute difference of the volumes"),
-    "self_intersections": Wording(
+    "self_intersections": MetricFormat(
         title="Self-cuts",
         unit="",
         scale=1.0,
@@ -85,16 +85,16 @@ WORDING: Mapping[str, Wording] = {
 _DETAIL = ("precision", "recall", "volume", "volume_truth", "volume_error")
 
 
-def worth_a_column(evaluation: Evaluation) -> list[str]:
+def table_columns(evaluation: Evaluation) -> list[str]:
     """Figures that some object has, without those that only explain others; IoU only where some mesh is closed."""
     rows: list[Figures] = [item.figures for item in evaluation.objects.values()]
-    present = [name for name in WORDING if any(row.get(name) is not None for row in rows)]
+    present = [name for name in METRICS if any(row.get(name) is not None for row in rows)]
     if evaluation.counts.watertight == 0:
         present = [name for name in present if name not in ("iou", "watertight")]
     return [name for name in present if name not in _DETAIL and not name.startswith(("precision", "recall"))]
 
 
-def tally(evaluation: Evaluation) -> str:
+def summary_sentence(evaluation: Evaluation) -> str:
     """How many objects there are of what, in a sentence."""
     counts = evaluation.counts
     words = [f"{counts.found} of {counts.objects} objects found"]

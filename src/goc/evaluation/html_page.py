@@ -3,9 +3,9 @@
 from html import escape
 from string import Template
 
-from goc.evaluation.pictures import RAMP, Exhibit
+from goc.evaluation.error_maps import RAMP, ErrorMaps
+from goc.evaluation.metric_format import METRICS, MetricFormat, summary_sentence, table_columns
 from goc.evaluation.result import Evaluation, Figures, ObjectEvaluation
-from goc.evaluation.wording import WORDING, Wording, tally, worth_a_column
 
 _TILES = ("f_score_0.05", "f_score_0.01", "accuracy", "completion", "completion_unseen", "label_accuracy", "iou")
 _SCENE_TILES = ("f_score_0.05", "accuracy", "completion", "normal_consistency")
@@ -49,7 +49,7 @@ dt{color:var(--ink)}dd{margin:0}
 </style></head><body>
 <h1>$title</h1>
 <p>Run <code>$run</code> against <code>$truth</code> by protocol <b>$protocol</b>. Objects matched by $matching;
-$meshes meshes. $tally</p>
+$meshes meshes. $summary_sentence</p>
 <div class="tiles">$tiles</div>
 <h2>Objects</h2><div class="wide"><table>$table</table></div>
 <p class="note">Lengths in mm, volumes in litres. Shares (F, NC, labels, IoU, watertight) count a missing object as 0;
@@ -61,9 +61,9 @@ $gallery
 """)
 
 
-def page(evaluation: Evaluation, title: str, shown: list[Exhibit]) -> str:
+def page(evaluation: Evaluation, title: str, shown: list[ErrorMaps]) -> str:
     """The page as HTML."""
-    columns = worth_a_column(evaluation)
+    columns = table_columns(evaluation)
     settings = {**evaluation.settings}
     return _PAGE.substitute(
         title=escape(title),
@@ -72,33 +72,33 @@ def page(evaluation: Evaluation, title: str, shown: list[Exhibit]) -> str:
         protocol=escape(evaluation.protocol),
         matching="id" if evaluation.matching == "ids" else "shape",
         meshes={"best": "the best", "observed": "observed", "completed": "completed"}[evaluation.meshes],
-        tally=escape(tally(evaluation)),
+        summary_sentence=escape(summary_sentence(evaluation)),
         tiles=_tiles(evaluation),
         table=_table(evaluation, columns),
         notes=escape(_notes(evaluation)),
         ramp=",".join(f"rgb{colour} {100 * at / RAMP[-1][0]:.1f}%" for at, colour in RAMP),
         gallery=_gallery(evaluation, shown),
-        meanings="".join(f"<dt>{WORDING[c].title}</dt><dd>{WORDING[c].meaning}</dd>" for c in columns),
+        meanings="".join(f"<dt>{METRICS[c].title}</dt><dd>{METRICS[c].meaning}</dd>" for c in columns),
         settings=escape(", ".join(f"{name} {value}" for name, value in settings.items())),
         versions=escape(", ".join(f"{name} {value}" for name, value in evaluation.versions.items())),
     )
 
 
 def _tiles(evaluation: Evaluation) -> str:
-    made = [_tile(name, evaluation.mean, "objects") for name in _TILES if name in worth_a_column(evaluation)]
+    made = [_tile(name, evaluation.mean, "objects") for name in _TILES if name in table_columns(evaluation)]
     if evaluation.scene is not None:
         made += [_tile(name, evaluation.scene, "scene") for name in _SCENE_TILES if name in evaluation.scene]
     return "".join(made)
 
 
 def _tile(name: str, figures: Figures, of: str) -> str:
-    word = WORDING[name]
+    word = METRICS[name]
     value = f"{word.shown(figures[name])} <small>{word.unit}</small>"
     return f"<div class=tile><b>{value}</b><span>{word.title}, {of}</span></div>"
 
 
 def _table(evaluation: Evaluation, columns: list[str]) -> str:
-    head = "".join(_heading(WORDING[name]) for name in columns)
+    head = "".join(_heading(METRICS[name]) for name in columns)
     rows = "".join(_row(id, item, columns) for id, item in evaluation.objects.items())
     mean = "".join(_cell(c, evaluation.mean.get(c)) for c in columns)
     over = "".join(f"<td>{evaluation.mean_over.get(c, 0)}</td>" for c in columns)
@@ -111,7 +111,7 @@ def _table(evaluation: Evaluation, columns: list[str]) -> str:
     )
 
 
-def _heading(word: Wording) -> str:
+def _heading(word: MetricFormat) -> str:
     return f'<th title="{escape(word.meaning)}">{word.title}<small>{word.unit}&nbsp;</small></th>'
 
 
@@ -124,7 +124,7 @@ def _row(id: int, item: ObjectEvaluation, columns: list[str]) -> str:
 
 
 def _cell(name: str, value: float | None) -> str:
-    text = WORDING[name].shown(value)
+    text = METRICS[name].shown(value)
     if name.startswith("f_score") and value is not None:
         return f'<td class=bar style="--f:{100 * value:.0f}%">{text}</td>'
     return f"<td>{text}</td>"
@@ -139,7 +139,7 @@ def _notes(evaluation: Evaluation) -> str:
     return " ".join(words)
 
 
-def _gallery(evaluation: Evaluation, shown: list[Exhibit]) -> str:
+def _gallery(evaluation: Evaluation, shown: list[ErrorMaps]) -> str:
     if not shown:
         return ""
     marks = [(100 * at / RAMP[-1][0], f"{1000 * at:.0f}") for at in (0.0, 0.01, 0.025, 0.05)]
@@ -152,10 +152,10 @@ def _gallery(evaluation: Evaluation, shown: list[Exhibit]) -> str:
     return "<h2>Worst objects</h2>" + legend + "".join(_card(evaluation.objects[item.id], item) for item in shown)
 
 
-def _card(item: ObjectEvaluation, shown: Exhibit) -> str:
+def _card(item: ObjectEvaluation, shown: ErrorMaps) -> str:
     names = [name for name in ("f_score_0.05", "chamfer", "accuracy", "completion") if name in item.figures]
     facts = ", ".join(
-        f"{WORDING[n].title} {WORDING[n].shown(item.figures[n])} {WORDING[n].unit}".strip() for n in names
+        f"{METRICS[n].title} {METRICS[n].shown(item.figures[n])} {METRICS[n].unit}".strip() for n in names
     )
     flaw = f"; not watertight: {item.flaw}" if item.flaw is not None else ""
     strips = [
@@ -170,7 +170,7 @@ def _card(item: ObjectEvaluation, shown: Exhibit) -> str:
     )
 
 
-def _fact(word: Wording, value: float | None) -> str:
+def _fact(word: MetricFormat, value: float | None) -> str:
     return f"{word.title} {word.shown(value)} {word.unit if value is not None else ''}".strip()
 
 

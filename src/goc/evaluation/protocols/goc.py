@@ -1,22 +1,22 @@
 """The protocol `goc`: area-uniform samples of complete objects, failures counted, solids examined."""
 
-from goc.evaluation.judged import Judged, Task, surface_figures
 from goc.evaluation.labels import AMBIGUOUS_WITHIN, RECALL_WITHIN, label_accuracy, label_recall
 from goc.evaluation.metrics import SAMPLES, sample_surface
+from goc.evaluation.protocols.protocol import MatchedRun, ProtocolResult, surface_figures
 from goc.evaluation.rooms import has_surface, score_surfaces
-from goc.evaluation.solids import (
+from goc.evaluation.truth import SEEN_WITHIN
+from goc.evaluation.volumes import (
     IOU_CELLS,
     NO_PENETRATION,
     OVERLAP_CELLS,
     Penetration,
-    Solid,
-    Walls,
+    RoomWalls,
+    SolidMesh,
     intersection_over_union,
     penetration,
     wall_depth,
     wall_volume,
 )
-from goc.evaluation.truth import SEEN_WITHIN
 from goc.events import Listener, Progress
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.topology import is_closed
@@ -27,23 +27,23 @@ _EXTRA_BEYOND = 1 << 20
 """Predicted objects that match nothing go by ids above this among those that match."""
 
 
-def judge_goc(task: Task, notify: Listener) -> Judged:
+def score_goc(matched: MatchedRun, notify: Listener) -> ProtocolResult:
     """Score a run by our own protocol; see docs/guide/eval.md for every figure.
 
     Raises:
         FileError: a true mesh is missing or malformed.
     """
-    judge = _Judge(task)
+    scorer = _GocScorer(matched)
     objects = {}
-    for done, id in enumerate(task.truth.objects):
-        objects[id] = judge.object_figures(id)
-        notify(Progress(stage="score objects", done=done + 1, total=len(task.truth.objects)))
-    return Judged(
+    for done, id in enumerate(matched.truth.objects):
+        objects[id] = scorer.object_figures(id)
+        notify(Progress(stage="score objects", done=done + 1, total=len(matched.truth.objects)))
+    return ProtocolResult(
         objects=objects,
-        scene=None if judge.scores.scene is None else surface_figures(judge.scores.scene, with_split=False),
+        scene=None if scorer.scores.scene is None else surface_figures(scorer.scores.scene, with_split=False),
         settings={
             "object_samples": SAMPLES,
-            "scene_samples": len(task.truth.seen),
+            "scene_samples": len(matched.truth.seen),
             "thresholds": list(_THRESHOLDS),
             "seen_within": SEEN_WITHIN,
             "label_recall_within": RECALL_WITHIN,
@@ -54,19 +54,19 @@ def judge_goc(task: Task, notify: Listener) -> Judged:
     )
 
 
-class _Judge:
-    """A task with what its figures share."""
+class _GocScorer:
+    """A matched run with what several of its figures need, computed once."""
 
-    def __init__(self, task: Task) -> None:
-        self.task = task
-        self.solids = {id: task.prediction.objects[own].solid for id, own in task.matches.items()}
-        self.samples = {id: sample_surface(solid.mesh, SAMPLES, task.seed) for id, solid in self.solids.items()}
-        self.truth = {id: Solid(task.truth.mesh(id)) for id in task.truth.objects}
-        self.walls = Walls(task.truth.mesh(ROOM))
+    def __init__(self, matched: MatchedRun) -> None:
+        self.matched = matched
+        self.solids = {id: matched.prediction.objects[own].solid for id, own in matched.matches.items()}
+        self.samples = {id: sample_surface(solid.mesh, SAMPLES, matched.seed) for id, solid in self.solids.items()}
+        self.truth = {id: SolidMesh(matched.truth.mesh(id)) for id in matched.truth.objects}
+        self.walls = RoomWalls(matched.truth.mesh(ROOM))
         meshes = {id: solid.mesh for id, solid in self.solids.items()}
-        self.scores = score_surfaces(task.truth, meshes, task.prediction.scene, task.seed)
+        self.scores = score_surfaces(matched.truth, meshes, matched.prediction.scene, matched.seed)
         self.true_scenes = {id: solid.scene for id, solid in self.truth.items()} | {ROOM: self.walls.scene}
-        self.predicted_scenes = {id: solid.scene for id, solid in self.solids.items()} | _extra_scenes(task)
+        self.predicted_scenes = {id: solid.scene for id, solid in self.solids.items()} | _extra_scenes(matched)
 
     def object_figures(self, id: int) -> dict[str, float]:
         """Every figure of one object."""
@@ -76,7 +76,7 @@ class _Judge:
         return figures | self._solid_figures(id) | self._contact_figures(id)
 
     def _label_figures(self, id: int) -> dict[str, float]:
-        true = self.task.truth.objects[id]
+        true = self.matched.truth.objects[id]
         recall = label_recall(true.samples.points[true.seen], id, self.true_scenes, self.predicted_scenes)
         if id not in self.samples:
             return {"label_accuracy": 0.0, "label_recall": recall}
@@ -101,7 +101,7 @@ class _Judge:
         }
         if true.has_inside:
             closed = solid.has_inside
-            figures["iou"] = intersection_over_union(solid, true, self.task.seed) if closed else 0.0
+            figures["iou"] = intersection_over_union(solid, true, self.matched.seed) if closed else 0.0
         return figures
 
     def _contact_figures(self, id: int) -> dict[str, float]:
@@ -114,7 +114,7 @@ class _Judge:
         if is_closed(self.walls.mesh):
             figures["room_depth"] = wall_depth(self.samples[id], self.walls)
             if solid.has_inside:
-                figures["room_volume"] = wall_volume(solid, self.walls, self.task.seed)
+                figures["room_volume"] = wall_volume(solid, self.walls, self.matched.seed)
         return figures
 
     def _between(self, id: int, other: int) -> Penetration:
@@ -122,11 +122,11 @@ class _Judge:
         a, b = self.solids[first], self.solids[second]
         if not b.has_inside or not a.has_inside:
             return NO_PENETRATION
-        return penetration(a, self.samples[first], b, self.samples[second], self.task.seed)
+        return penetration(a, self.samples[first], b, self.samples[second], self.matched.seed)
 
 
-def _extra_scenes(task: Task) -> dict[int, TriangleScene]:
-    meshes = {own: task.prediction.objects[own].mesh for own in task.extra}
+def _extra_scenes(matched: MatchedRun) -> dict[int, TriangleScene]:
+    meshes = {own: matched.prediction.objects[own].mesh for own in matched.extra}
     return {
         _EXTRA_BEYOND + own: TriangleScene(mesh.vertices, mesh.faces)
         for own, mesh in meshes.items()

@@ -20,7 +20,7 @@ Box = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class SolidMesh:
     """A mesh with what is asked of it more than once, computed when first asked."""
 
     mesh: Mesh
@@ -72,7 +72,7 @@ class Solid:
 
 
 @dataclass(frozen=True, eq=False)
-class Walls:
+class RoomWalls:
     """A closed room: either a shell that faces inwards, or solid walls that face outwards."""
 
     mesh: Mesh
@@ -101,7 +101,7 @@ class Penetration:
 NO_PENETRATION = Penetration(depth=0.0, volume=0.0)
 
 
-def intersection_over_union(first: Solid, second: Solid, seed: int) -> float:
+def intersection_over_union(first: SolidMesh, second: SolidMesh, seed: int) -> float:
     """Volume in both over volume in either, by one random point in each of 64³ cells of their common box."""
     low, high = np.minimum(first.box[0], second.box[0]), np.maximum(first.box[1], second.box[1])
     points, _ = _points_in((low, high), IOU_CELLS, seed)
@@ -110,7 +110,7 @@ def intersection_over_union(first: Solid, second: Solid, seed: int) -> float:
 
 
 def penetration(
-    first: Solid, samples: SurfaceSamples, second: Solid, second_samples: SurfaceSamples, seed: int
+    first: SolidMesh, samples: SurfaceSamples, second: SolidMesh, second_samples: SurfaceSamples, seed: int
 ) -> Penetration:
     """How far two solids stick in each other; both must have an inside."""
     low, high = np.maximum(first.box[0], second.box[0]), np.minimum(first.box[1], second.box[1])
@@ -121,20 +121,20 @@ def penetration(
     return Penetration(depth=depth, volume=float((first.holds(points) & second.holds(points)).mean()) * size)
 
 
-def wall_depth(samples: SurfaceSamples, walls: Walls) -> float:
+def wall_depth(samples: SurfaceSamples, walls: RoomWalls) -> float:
     """How deep a surface reaches into the walls; works for open surfaces too."""
     inside = samples.points[walls.hold(samples.points)]
     return float(walls.scene.nearest(inside)[0].max(initial=0.0))
 
 
-def wall_volume(solid: Solid, walls: Walls, seed: int) -> float:
+def wall_volume(solid: SolidMesh, walls: RoomWalls, seed: int) -> float:
     """How much of a solid is in the walls."""
     points, size = _points_in(solid.box, OVERLAP_CELLS, seed)
     points = points[solid.holds(points)]
     return float(walls.hold(points).sum()) / OVERLAP_CELLS**3 * size
 
 
-def _depth(points: Float64[np.ndarray, "n 3"], solid: Solid) -> float:
+def _depth(points: Float64[np.ndarray, "n 3"], solid: SolidMesh) -> float:
     inside = points[solid.holds(points)]
     return float(solid.scene.nearest(inside)[0].max(initial=0.0))
 

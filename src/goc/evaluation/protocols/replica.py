@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial import ConvexHull, QhullError
 
-from goc.evaluation.culling import in_frustums
-from goc.evaluation.judged import Judged, Task, surface_figures
+from goc.evaluation.culling import cull_to_frustums
 from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_scores
-from goc.evaluation.protocol_phyrecon import joined
+from goc.evaluation.protocols.phyrecon import joined
+from goc.evaluation.protocols.protocol import MatchedRun, ProtocolResult, surface_figures
 from goc.evaluation.rooms import has_surface
 from goc.events import Listener, Progress
 from goc.scene import ROOM, Camera, Mesh
@@ -37,25 +37,25 @@ class OrientedBox:
         return (np.abs(local) <= self.extents * scale / 2).all(axis=1)
 
 
-def judge_replica(task: Task, cameras: tuple[Camera, ...], notify: Listener) -> Judged:
+def score_replica(matched: MatchedRun, cameras: tuple[Camera, ...], notify: Listener) -> ProtocolResult:
     """Score a run as ObjectSDF++ scores Replica.
 
     Raises:
         FileError: a true mesh is missing or malformed.
     """
     objects = {}
-    for done, id in enumerate(task.truth.objects):
-        own = task.matches.get(id)
-        predicted = None if own is None else task.prediction.objects[own].mesh
-        true = in_frustums(task.truth.mesh(id), cameras)
-        objects[id] = _scores(predicted, true, _OBJECT_BOX, _OBJECT_SAMPLES, _OBJECT_THRESHOLDS, task.seed)
-        notify(Progress(stage="score objects", done=done + 1, total=len(task.truth.objects)))
+    for done, id in enumerate(matched.truth.objects):
+        own = matched.matches.get(id)
+        predicted = None if own is None else matched.prediction.objects[own].mesh
+        true = cull_to_frustums(matched.truth.mesh(id), cameras)
+        objects[id] = _scores(predicted, true, _OBJECT_BOX, _OBJECT_SAMPLES, _OBJECT_THRESHOLDS, matched.seed)
+        notify(Progress(stage="score objects", done=done + 1, total=len(matched.truth.objects)))
     scene = None
-    if task.prediction.scene is not None:
-        whole = in_frustums(joined([task.truth.mesh(id) for id in (ROOM, *task.truth.objects)]), cameras)
-        culled = in_frustums(task.prediction.scene, cameras)
-        scene = _scores(culled, whole, _SCENE_BOX, _SCENE_SAMPLES, _SCENE_THRESHOLDS, task.seed)
-    return Judged(
+    if matched.prediction.scene is not None:
+        whole = cull_to_frustums(joined([matched.truth.mesh(id) for id in (ROOM, *matched.truth.objects)]), cameras)
+        culled = cull_to_frustums(matched.prediction.scene, cameras)
+        scene = _scores(culled, whole, _SCENE_BOX, _SCENE_SAMPLES, _SCENE_THRESHOLDS, matched.seed)
+    return ProtocolResult(
         objects=objects,
         scene=scene,
         settings={

@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from goc.evaluation.culling import Refusion, refuse
-from goc.evaluation.judged import Judged, Task
+from goc.evaluation.culling import RefusionConfig, fuse_renders
 from goc.evaluation.metrics import sample_surface, surface_scores
+from goc.evaluation.protocols.protocol import MatchedRun, ProtocolResult
 from goc.evaluation.rooms import has_surface
 from goc.events import Listener, Progress
 from goc.scene import ROOM, Camera, Mesh
@@ -17,10 +17,10 @@ from goc.scene import ROOM, Camera, Mesh
 _POINT_VOXEL = 0.02
 _THRESHOLD = 0.05
 _NORMAL_SAMPLES = 200_000
-_REFUSION = Refusion()
+_REFUSION_CONFIG = RefusionConfig()
 
 
-def judge_phyrecon(task: Task, cameras: tuple[Camera, ...], notify: Listener) -> Judged:
+def score_phyrecon(matched: MatchedRun, cameras: tuple[Camera, ...], notify: Listener) -> ProtocolResult:
     """Score a run as PhyRecon scores ScanNet: every mesh is fused again from its renders at the training poses.
 
     Objects with F = 0, missing ones among them, are skipped, as there.
@@ -29,30 +29,30 @@ def judge_phyrecon(task: Task, cameras: tuple[Camera, ...], notify: Listener) ->
         FileError: a true mesh is missing or malformed.
     """
     objects = {}
-    for done, id in enumerate(task.truth.objects):
-        own = task.matches.get(id)
-        predicted = None if own is None else task.prediction.objects[own].mesh
-        objects[id] = _scores(predicted, task.truth.mesh(id), cameras, task.seed)
-        notify(Progress(stage="fuse and score", done=done + 1, total=len(task.truth.objects) + 1))
+    for done, id in enumerate(matched.truth.objects):
+        own = matched.matches.get(id)
+        predicted = None if own is None else matched.prediction.objects[own].mesh
+        objects[id] = _scores(predicted, matched.truth.mesh(id), cameras, matched.seed)
+        notify(Progress(stage="fuse and score", done=done + 1, total=len(matched.truth.objects) + 1))
     scene = None
-    if task.prediction.scene is not None:
-        whole = joined([task.truth.mesh(id) for id in (ROOM, *task.truth.objects)])
-        scene = _scores(task.prediction.scene, whole, cameras, task.seed)
+    if matched.prediction.scene is not None:
+        whole = joined([matched.truth.mesh(id) for id in (ROOM, *matched.truth.objects)])
+        scene = _scores(matched.prediction.scene, whole, cameras, matched.seed)
     notify(Progress(stage="fuse and score", done=len(objects) + 1, total=len(objects) + 1))
-    return Judged(
+    return ProtocolResult(
         objects=objects,
         scene=scene,
         settings={
             "views": len(cameras),
-            "fusion_voxel": _REFUSION.voxel,
-            "fusion_truncation": _REFUSION.truncation,
-            "fusion_depth_limit": _REFUSION.depth_limit,
+            "fusion_voxel": _REFUSION_CONFIG.voxel,
+            "fusion_truncation": _REFUSION_CONFIG.truncation,
+            "fusion_depth_limit": _REFUSION_CONFIG.depth_limit,
             "point_voxel": _POINT_VOXEL,
             "normal_samples": _NORMAL_SAMPLES,
             "thresholds": [_THRESHOLD],
         },
         skipped={
-            id: "missing" if id not in task.matches else "F is 0"
+            id: "missing" if id not in matched.matches else "F is 0"
             for id, row in objects.items()
             if not row[f"f_score_{_THRESHOLD:g}"] > 0
         },
@@ -70,8 +70,8 @@ def voxel_means(points: Float64[np.ndarray, "n 3"], voxel: float) -> Float64[np.
 
 
 def _scores(predicted: Mesh | None, truth: Mesh, cameras: tuple[Camera, ...], seed: int) -> dict[str, float]:
-    true = refuse(truth, cameras, _REFUSION)
-    found = None if predicted is None else refuse(predicted, cameras, _REFUSION)
+    true = fuse_renders(truth, cameras, _REFUSION_CONFIG)
+    found = None if predicted is None else fuse_renders(predicted, cameras, _REFUSION_CONFIG)
     name, nan = f"{_THRESHOLD:g}", float("nan")
     if found is None or not has_surface(found) or not has_surface(true):
         lengths = dict.fromkeys(("accuracy", "completion", "chamfer"), nan)

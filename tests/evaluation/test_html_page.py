@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 
 from goc.evaluation import evaluate, write_evaluation
-from goc.evaluation.page import page
-from goc.evaluation.pictures import RAMP, colours_of_distance, exhibits, worst_objects
-from goc.evaluation.wording import WORDING, tally, worth_a_column
+from goc.evaluation.error_maps import RAMP, colours_of_distance, worst_error_maps, worst_objects
+from goc.evaluation.html_page import page
+from goc.evaluation.metric_format import METRICS, summary_sentence, table_columns
 from solids import moved
 from truths import CRATE, write_run, write_truth
 
@@ -35,16 +35,16 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture(scope="module")
-def judged(tmp_path_factory):
+def evaluated(tmp_path_factory):
     truth = write_truth(tmp_path_factory.mktemp("room"))
     (truth / "labels.json").write_text('{"1": "<b>crate & co</b>", "2": "cupboard"}')
     run = write_run(tmp_path_factory.mktemp("run"), {1: moved(CRATE, (0, 0, 0.02)), 9: CRATE})
     return evaluate(run, truth), run, truth
 
 
-def test_the_page_is_whole_and_fetches_nothing(judged, tmp_path, monkeypatch):
-    monkeypatch.setattr("goc.evaluation.pictures._SIZE", 32)
-    found, _, _ = judged
+def test_the_page_is_whole_and_fetches_nothing(evaluated, tmp_path, monkeypatch):
+    monkeypatch.setattr("goc.evaluation.error_maps._SIZE", 32)
+    found, _, _ = evaluated
     write_evaluation(found, tmp_path)
     text = (tmp_path / "eval.html").read_text()
     tags = Tags()
@@ -57,20 +57,20 @@ def test_the_page_is_whole_and_fetches_nothing(judged, tmp_path, monkeypatch):
     assert first.size == (32, 32)
 
 
-def test_a_page_without_pictures_has_no_gallery(judged):
-    assert "Worst objects" not in page(judged[0], "run", [])
+def test_a_page_without_pictures_has_no_gallery(evaluated):
+    assert "Worst objects" not in page(evaluated[0], "run", [])
 
 
-def test_the_worst_come_first_and_a_missing_one_before_all(judged):
-    found, run, truth = judged
+def test_the_worst_come_first_and_a_missing_one_before_all(evaluated):
+    found, run, truth = evaluated
     assert worst_objects(found, 5) == [2, 1]
-    assert [item.id for item in exhibits(found, run, truth, 0)] == []
+    assert [item.id for item in worst_error_maps(found, run, truth, 0)] == []
 
 
-def test_pictures_show_how_far_off_a_surface_is(judged, monkeypatch):
-    monkeypatch.setattr("goc.evaluation.pictures._SIZE", 48)
-    found, run, truth = judged
-    shown = exhibits(found, run, truth, 2)[1]
+def test_pictures_show_how_far_off_a_surface_is(evaluated, monkeypatch):
+    monkeypatch.setattr("goc.evaluation.error_maps._SIZE", 48)
+    found, run, truth = evaluated
+    shown = worst_error_maps(found, run, truth, 2)[1]
     lid = np.array(Image.open(io.BytesIO(base64.b64decode(shown.prediction[0].split(",")[1]))))[18:22, 22:26]
     red, _, blue = lid.reshape(-1, 3).mean(axis=0)
     assert red > blue + 20  # lifted by 2 cm: warm
@@ -82,11 +82,11 @@ def test_colours_run_from_cool_to_dark():
     assert colours[1][2] > colours[1][0] and colours[2][0] > colours[2][2]
 
 
-def test_every_figure_has_words_and_columns_only_where_it_says_something(judged):
-    found = judged[0]
-    assert set(found.mean) <= set(WORDING) and {k for o in found.objects.values() for k in o.figures} <= set(WORDING)
-    columns = worth_a_column(found)
+def test_every_figure_has_words_and_columns_only_where_it_says_something(evaluated):
+    found = evaluated[0]
+    assert set(found.mean) <= set(METRICS) and {k for o in found.objects.values() for k in o.figures} <= set(METRICS)
+    columns = table_columns(found)
     assert "iou" in columns and "precision_0.05" not in columns and "volume" not in columns
-    assert tally(found) == "1 of 2 objects found; missing: 2; 1 extra; 1 watertight."
-    assert evaluate(judged[1], judged[2], matching="shape").objects[1].predicted == 9
-    assert WORDING["accuracy"].shown(0.0123) == "12.3" and WORDING["iou"].shown(None) == "–"
+    assert summary_sentence(found) == "1 of 2 objects found; missing: 2; 1 extra; 1 watertight."
+    assert evaluate(evaluated[1], evaluated[2], matching="shape").objects[1].predicted == 9
+    assert METRICS["accuracy"].shown(0.0123) == "12.3" and METRICS["iou"].shown(None) == "–"
