@@ -21,7 +21,7 @@ import numpy as np
 import torch
 
 import engine as cpu
-from goc.complete import SIZES, Lattice, Refinement, build, cube_round, decode, partial_of
+from goc.complete import SIZES, QueryGrid, Refinement, bounding_cube, build, decode, partial_object
 from goc.errors import EngineError
 from goc.events import Event, Progress
 from goc.raster import NATIVE, Engine, choose_engine, views_of
@@ -138,9 +138,9 @@ def completion_seconds(size: str, device: torch.device) -> float:
     nothing = EvidenceGrid(
         origin=-np.ones(3), voxel=0.1, state=np.zeros((20,) * 3, np.uint8), sdf=np.zeros((20,) * 3, np.float32)
     )
-    partial = partial_of(points, points, nothing, cube_round(points))
+    partial = partial_object(points, points, nothing, bounding_cube(points))
     network = build(SIZES[size]).eval().to(device)
-    lattice = Lattice(origin=-np.ones(3), voxel=2.0 / 127, shape=(128,) * 3)
+    lattice = QueryGrid(origin=-np.ones(3), voxel=2.0 / 127, shape=(128,) * 3)
     return median_ms(lambda: decode(network.complete(partial), lattice, Refinement()), repeats=3) / 1e3
 
 

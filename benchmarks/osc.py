@@ -25,7 +25,7 @@ from goc.complete import (
     LiteConfig,
     Network,
     OccupancyField,
-    Partial,
+    PartialObject,
     build,
     compose,
     load_network,
@@ -50,7 +50,7 @@ class Counted:
     network: Network
     calls: list[int] = field(default_factory=list)
 
-    def complete(self, partial: Partial) -> "CountedField":
+    def complete(self, partial: PartialObject) -> "CountedField":
         """The network's field."""
         return CountedField(self.network.complete(partial), self.calls)
 

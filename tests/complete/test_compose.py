@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
 from goc.complete import CompleteConfig, complete_objects, compose, compose_field, evidence_hull, with_margin
-from goc.complete.compose import without_hollows, without_pockets
+from goc.complete.compose import without_cavities, without_pockets
 from goc.errors import ConfigError
 from goc.events import Progress, Warned
 from goc.geometry.isosurface import grid_surface
@@ -122,7 +122,7 @@ def test_a_fill_that_is_off_meets_the_measured_surface_without_a_step():
     assert max(np.abs(a - b).max(), np.abs(b - c).max()) < 1.0  # no face spans the whole offset
 
 
-def test_crumbs_go_and_parts_stay():
+def test_floaters_go_and_parts_stay():
     shape = (40, 16, 16)
     at = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), -1).astype(float)
     blobs = {(7, 8, 8): 4.0, (20, 8, 8): 3.0, (33, 8, 8): 4.0}
@@ -142,9 +142,9 @@ def test_a_hollow_that_nothing_leads_to_is_filled():
     field = np.full((9, 9, 9), 1.0, np.float32)
     field[1:8, 1:8, 1:8] = -1
     field[4, 4, 4] = 1
-    assert without_hollows(field)[4, 4, 4] == -1
+    assert without_cavities(field)[4, 4, 4] == -1
     field[4, 4, :5] = 1  # a way out
-    assert without_hollows(field)[4, 4, 4] == 1
+    assert without_cavities(field)[4, 4, 4] == 1
 
 
 def pocket(gap, state=Evidence.UNKNOWN):

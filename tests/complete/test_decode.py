@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from goc.complete import Lattice, Refinement, decode, signed_distance
+from goc.complete import QueryGrid, Refinement, decode, signed_distance
 from goc.errors import CompleteError
 from oracles.decoding import decode_densely
 
@@ -24,13 +24,13 @@ class Balls:
         return -40.0 * torch.stack(off).min(0).values
 
 
-def lattice(*shape):
+def query_grid(*shape):
     voxel = 1.9 / (max(shape) - 1)
-    return Lattice(origin=np.full(3, -0.95), voxel=voxel, shape=shape)
+    return QueryGrid(origin=np.full(3, -0.95), voxel=voxel, shape=shape)
 
 
 def test_the_surface_is_that_of_the_dense_field_at_a_part_of_the_cost():
-    ball, at = Balls(((0.0, 0.1, -0.2, 0.45),)), lattice(97, 96, 90)
+    ball, at = Balls(((0.0, 0.1, -0.2, 0.45),)), query_grid(97, 96, 90)
     fast, dense = decode(ball, at, Refinement(cells=24)), decode_densely(ball, at)
     assert np.array_equal(fast < 0, dense < 0)
     near = np.abs(dense) < 2.0
@@ -39,8 +39,8 @@ def test_the_surface_is_that_of_the_dense_field_at_a_part_of_the_cost():
 
 
 @pytest.mark.parametrize("shape", [(33, 17, 9), (40, 23, 31), (8, 8, 8), (70, 1, 3)])
-def test_odd_shapes_and_lattices_too_small_to_refine(shape):
-    ball, at = Balls(((-0.6, -0.6, -0.6, 0.3),)), lattice(*shape)
+def test_odd_shapes_and_grids_too_small_to_refine(shape):
+    ball, at = Balls(((-0.6, -0.6, -0.6, 0.3),)), query_grid(*shape)
     fast, dense = decode(ball, at, Refinement(cells=8)), decode_densely(ball, at)
     assert fast.shape == shape
     assert np.array_equal(fast < 0, dense < 0)
@@ -48,7 +48,7 @@ def test_odd_shapes_and_lattices_too_small_to_refine(shape):
 
 def test_a_ball_between_the_first_nodes_is_found_where_points_were_seen():
     """Smaller than a coarse cell, and too steep to be guessed from its corners."""
-    at = lattice(97, 97, 97)
+    at = query_grid(97, 97, 97)
     small = Balls(((0.03, 0.03, 0.03, 0.025), (-0.5, -0.5, -0.5, 0.2)))
     dense = decode_densely(small, at)
     seen = np.zeros(at.shape, bool)
@@ -61,7 +61,7 @@ def test_a_ball_between_the_first_nodes_is_found_where_points_were_seen():
 
 
 def test_only_what_is_wanted_is_asked():
-    ball, at = Balls(((0.0, 0.0, 0.0, 0.5),)), lattice(97, 97, 97)
+    ball, at = Balls(((0.0, 0.0, 0.0, 0.5),)), query_grid(97, 97, 97)
     wanted = np.zeros(at.shape, bool)
     wanted[:30] = True
     fast = decode(ball, at, Refinement(cells=24), wanted=wanted)
@@ -74,8 +74,8 @@ def test_only_what_is_wanted_is_asked():
     assert cost < 0.6 * sum(ball.asked)
 
 
-def test_a_lattice_finer_than_the_model_is_interpolated():
-    ball, at = Balls(((0.0, 0.1, -0.2, 0.45),)), lattice(97, 97, 97)
+def test_a_grid_finer_than_the_model_is_interpolated():
+    ball, at = Balls(((0.0, 0.1, -0.2, 0.45),)), query_grid(97, 97, 97)
     coarse = decode(ball, at, Refinement(cells=24, enough=48))
     asked = sum(ball.asked)
     dense = decode_densely(ball, at)
@@ -91,14 +91,14 @@ def test_nothing_is_asked_outside_the_cube():
             assert points.abs().max() <= 1.0
             return super().logits(points)
 
-    at = Lattice(origin=np.full(3, -1.5), voxel=0.1, shape=(31, 31, 31))
+    at = QueryGrid(origin=np.full(3, -1.5), voxel=0.1, shape=(31, 31, 31))
     values = decode(Inside(((0.0, 0.0, 0.0, 5.0),)), at, Refinement(cells=8))
     assert (values[:5] < 0).all() and values[15, 15, 15] > 0
 
 
 @pytest.mark.parametrize(("steepness", "threshold"), [(40.0, 0.5), (3.0, 0.5), (40.0, 0.3)])
 def test_log_odds_become_distances_whatever_their_steepness(steepness, threshold):
-    at = lattice(49, 49, 49)
+    at = query_grid(49, 49, 49)
     axes = [at.origin[0] + at.voxel * np.arange(49)] * 3
     radius = np.linalg.norm(np.stack(np.meshgrid(*axes, indexing="ij"), -1), axis=-1)
     logits = (steepness * (0.6 - radius)).astype(np.float32)
@@ -117,4 +117,4 @@ def test_a_field_that_answers_nonsense_is_refused():
             return torch.full((len(points),), torch.nan)
 
     with pytest.raises(CompleteError, match="The model answers 729 of 729 queries with numbers that are not finite"):
-        decode(Broken(), lattice(9, 9, 9), Refinement(cells=8))
+        decode(Broken(), query_grid(9, 9, 9), Refinement(cells=8))

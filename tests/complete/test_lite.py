@@ -8,15 +8,15 @@ from goc import complete
 from goc.complete import (
     LiteConfig,
     OscConfig,
+    bounding_cube,
     build,
     cell_centres,
-    cube_round,
     load_network,
-    partial_of,
+    partial_object,
     save_network,
     weights,
 )
-from goc.complete.lite import Features
+from goc.complete.lite import FeatureGrids
 from goc.errors import CompleteError, FileError
 from goc.files import write_tensors
 from goc.scene import EvidenceGrid
@@ -33,7 +33,7 @@ def partial():
         state=random.integers(0, 3, (12, 12, 12)).astype(np.uint8),
         sdf=random.normal(0, 0.1, (12, 12, 12)).astype(np.float32),
     )
-    return partial_of(points, None, evidence, cube_round(points))
+    return partial_object(points, None, evidence, bounding_cube(points))
 
 
 def test_the_network_that_ships_fits_into_the_package():
@@ -43,7 +43,7 @@ def test_the_network_that_ships_fits_into_the_package():
 
 def test_features_are_exact_at_cell_centres_and_linear_between():
     volume = torch.randn(1, 3, 8, 8, 8)
-    features = Features(volumes=(volume,))
+    features = FeatureGrids(volumes=(volume,))
     centres = torch.from_numpy(cell_centres(8))
     at = features.at(centres.reshape(1, -1, 3))
     torch.testing.assert_close(at[0].T.reshape(3, 8, 8, 8), volume[0], atol=1e-5, rtol=1e-5)

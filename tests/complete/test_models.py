@@ -9,10 +9,10 @@ import torch
 from goc.complete import (
     CompleteConfig,
     LiteConfig,
+    bounding_cube,
     build,
     complete_objects,
     compose,
-    cube_round,
     model_fill,
     save_network,
     with_margin,
@@ -47,7 +47,7 @@ class Knowing:
 
 def test_a_model_that_knows_the_answer_completes_the_ball():
     found, radius, centre = half_seen()
-    model = Knowing(centre, radius, cube_round(np.concatenate([found.mesh.vertices])))
+    model = Knowing(centre, radius, bounding_cube(np.concatenate([found.mesh.vertices])))
     fill = model_fill(model, found, vertex_normals(found.mesh), 0.5, coarse_cells=16)
     done = compose(found, fill)
     assert trouble(done.mesh.vertices, done.mesh.faces) == ""

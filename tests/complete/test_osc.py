@@ -7,15 +7,15 @@ import torch
 
 from goc.complete import (
     SIZES,
-    Lattice,
     Osc,
     OscConfig,
     PartialBatch,
+    QueryGrid,
     Refinement,
+    bounding_cube,
     build,
-    cube_round,
     decode,
-    partial_of,
+    partial_object,
 )
 from goc.complete.layers import FOURIER, CrossBlock, fourier_features
 from goc.complete.sampling import farthest_points
@@ -120,9 +120,9 @@ def test_a_field_makes_keys_and_values_once_however_often_it_is_asked(monkeypatc
     evidence = EvidenceGrid(
         origin=np.zeros(3), voxel=1.0, state=np.zeros((2, 2, 2), np.uint8), sdf=np.zeros((2, 2, 2), np.float32)
     )
-    field = replace(network.complete(partial_of(points, None, evidence, cube_round(points))), chunk=7)
+    field = replace(network.complete(partial_object(points, None, evidence, bounding_cube(points))), chunk=7)
     assert len(made) == TINY.encoder + TINY.decoder
-    lattice = Lattice(origin=np.full(3, -0.9), voxel=0.1, shape=(19, 19, 19))
-    fast, dense = decode(field, lattice, Refinement(cells=4)), decode_densely(field, lattice)
+    queries = QueryGrid(origin=np.full(3, -0.9), voxel=0.1, shape=(19, 19, 19))
+    fast, dense = decode(field, queries, Refinement(cells=4)), decode_densely(field, queries)
     assert len(made) == TINY.encoder + TINY.decoder
     assert fast[::4, ::4, ::4] == pytest.approx(dense[::4, ::4, ::4], abs=1e-5)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 import torch
 
-from goc.complete import CHANNELS, batch_of, cell_centres, cube_round, evidence_channels, partial_of
+from goc.complete import CHANNELS, batch_of, bounding_cube, cell_centres, evidence_channels, partial_object
 from goc.scene import Evidence, EvidenceGrid
 
 
@@ -13,14 +13,14 @@ def grid(state, origin=(-1.0, -1.0, -1.0), voxel=0.1, sdf=None):
 
 
 def test_the_cube_goes_round_the_seen_box_with_a_quarter_to_spare():
-    cube = cube_round(np.array([[0.0, 0, 0], [2.0, 1.0, 0.5]]))
+    cube = bounding_cube(np.array([[0.0, 0, 0], [2.0, 1.0, 0.5]]))
     assert cube.side == pytest.approx(2.5)
     assert cube.centre.tolist() == [1.0, 0.5, 0.25]
 
 
 def test_model_and_world_frames_are_inverse():
     points = np.random.default_rng(0).normal(size=(20, 3))
-    cube = cube_round(points)
+    cube = bounding_cube(points)
     there = cube.model_from_world(points)
     assert np.abs(there).max() == pytest.approx(0.8, abs=1e-6)
     np.testing.assert_allclose(cube.world_from_model(there), points, atol=1e-6)
@@ -32,7 +32,7 @@ def test_model_and_world_frames_are_inverse():
 )
 def test_no_cube_goes_round_nothing(points, match):
     with pytest.raises(ValueError, match=match):
-        cube_round(points)
+        bounding_cube(points)
 
 
 def test_channels_match_a_slow_look_at_every_cell():
@@ -76,9 +76,9 @@ def test_a_plane_keeps_its_distance_at_any_resolution():
 
 def test_a_partial_moves_evidence_with_its_points():
     points = np.array([[1.0, 2, 3], [3.0, 2, 3]])
-    cube = cube_round(points)
+    cube = bounding_cube(points)
     evidence = grid(np.full((4, 4, 4), Evidence.SURFACE), (1.0, 2.0, 3.0), 0.5, np.full((4, 4, 4), 0.25))
-    partial = partial_of(points, None, evidence, cube)
+    partial = partial_object(points, None, evidence, cube)
     assert partial.evidence.origin.tolist() == pytest.approx([-0.8, 0.0, 0.0])
     assert partial.evidence.voxel == pytest.approx(0.4)
     assert partial.evidence.sdf.max() == pytest.approx(0.2)
@@ -88,11 +88,11 @@ def test_a_partial_moves_evidence_with_its_points():
 def test_a_batch_repeats_points_where_they_are_few_and_refuses_none():
     evidence = grid(np.zeros((2, 2, 2)))
     points = np.array([[0.0, 0, 0], [1.0, 0, 0], [0, 1.0, 0]])
-    batch = batch_of(partial_of(points, None, evidence, cube_round(points)), points=7, cells=4)
+    batch = batch_of(partial_object(points, None, evidence, bounding_cube(points)), points=7, cells=4)
     assert batch.points.shape == (1, 7, 3)
     assert batch.evidence.shape == (1, len(CHANNELS), 4, 4, 4)
     assert len(torch.unique(batch.points[0], dim=0)) == 3
-    nothing = partial_of(np.zeros((0, 3)), None, evidence, cube_round(points))
+    nothing = partial_object(np.zeros((0, 3)), None, evidence, bounding_cube(points))
     assert batch_of(nothing, points=0, cells=4).points.shape == (1, 0, 3)
     with pytest.raises(ValueError, match="No points were seen"):
         batch_of(nothing, points=5, cells=4)

@@ -86,9 +86,9 @@ def test_normals_of_bare_points_look_outwards():
 
 def test_strays_are_left_out_and_said():
     cloud = ball()
-    strays = CENTRE + np.array([[3.0, 0, 0], [0, 4.0, 0]])
+    outliers = CENTRE + np.array([[3.0, 0, 0], [0, 4.0, 0]])
     spoiled = PointCloud(
-        positions=np.concatenate([cloud.positions, strays]).astype(np.float32),
+        positions=np.concatenate([cloud.positions, outliers]).astype(np.float32),
         colours=np.concatenate([cloud.colours, cloud.colours[:2]]),
     )
     heard = []

@@ -2,7 +2,7 @@
 
 from goc.complete.compose import compose, compose_field, with_margin
 from goc.complete.config import CompleteConfig, ScanConfig
-from goc.complete.decode import Lattice, Refinement, decode, signed_distance
+from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.hull import evidence_hull
 from goc.complete.lite import LiteConfig, LiteField, OscLite
 from goc.complete.osc import SIZES, Osc, OscConfig, OscField
@@ -11,13 +11,13 @@ from goc.complete.partial import (
     Completer,
     Cube,
     OccupancyField,
-    Partial,
     PartialBatch,
+    PartialObject,
     batch_of,
+    bounding_cube,
     cell_centres,
-    cube_round,
     evidence_channels,
-    partial_of,
+    partial_object,
 )
 from goc.complete.scan import complete_scan
 from goc.complete.stage import check_completion, complete_objects, model_fill
@@ -30,7 +30,7 @@ __all__ = [
     "CompleteConfig",
     "Completer",
     "Cube",
-    "Lattice",
+    "QueryGrid",
     "LiteConfig",
     "LiteField",
     "Network",
@@ -39,7 +39,7 @@ __all__ = [
     "OscConfig",
     "OscField",
     "OscLite",
-    "Partial",
+    "PartialObject",
     "PartialBatch",
     "Refinement",
     "ScanConfig",
@@ -51,13 +51,13 @@ __all__ = [
     "complete_scan",
     "compose",
     "compose_field",
-    "cube_round",
+    "bounding_cube",
     "decode",
     "evidence_channels",
     "evidence_hull",
     "load_network",
     "model_fill",
-    "partial_of",
+    "partial_object",
     "save_network",
     "signed_distance",
     "with_margin",

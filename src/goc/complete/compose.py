@@ -67,8 +67,8 @@ def compose_field(
     distance = np.where(np.abs(distance) < 1e-3, np.float32(1e-3), distance)  # zero has no side
     if fill is not None:
         distance = without_pockets(distance, evidence.state)
-    distance = without_crumbs(distance, _voxels_of(seen, evidence))
-    return Composition(distance=without_hollows(distance), evidence=evidence)
+    distance = without_floaters(distance, _voxels_of(seen, evidence))
+    return Composition(distance=without_cavities(distance), evidence=evidence)
 
 
 def compose(found: ObjectMesh, fill: Float32[np.ndarray, "x y z"] | None) -> ObjectMesh:
@@ -95,7 +95,7 @@ def closed_object(found: ObjectMesh, composed: Composition) -> ObjectMesh:
     return replace(found, mesh=mesh, observed=observed, evidence=grid)
 
 
-def without_crumbs(
+def without_floaters(
     distance: Float32[np.ndarray, "x y z"], seen: Int32[np.ndarray, "v 3"]
 ) -> Float32[np.ndarray, "x y z"]:
     """Only the pieces that carry some measured surface; the one that carries most (or is largest) always stays.
@@ -125,7 +125,7 @@ def without_pockets(
     """Fill guessed space that only narrow gaps join to space that rays passed; what was seen empty stays so.
 
     A network that is unsure behind a wall leaves pockets there, which crevices of a few voxels save from
-    `without_hollows`.
+    `without_cavities`.
 
     Args:
         distance: voxels, positive outside.
@@ -142,7 +142,7 @@ def without_pockets(
     return np.where(guessed & ~reached, -distance, distance)
 
 
-def without_hollows(distance: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
+def without_cavities(distance: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
     """Fill what is outside but not joined to the outside: no camera and no hand gets there."""
     rooms, _ = ndimage.label(distance > 0, _OUTSIDE_LINKS)
     hollow = (rooms > 0) & (rooms != rooms[0, 0, 0])

@@ -20,7 +20,7 @@ _BEYOND = -20.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Lattice:
+class QueryGrid:
     """Where a field is asked: centres of voxels, model units."""
 
     origin: Float64[np.ndarray, "3"]
@@ -34,28 +34,28 @@ class Refinement:
     """How a field is searched for its surface."""
 
     cells: int = 64
-    """Cells along the longest side that are asked at first, at least (where the lattice has as many)."""
+    """Cells along the longest side that are asked at first, at least (where the grid has as many)."""
     enough: int = 1 << 20
-    """Cells along the longest side from which on nothing more is asked; a finer lattice is interpolated."""
+    """Cells along the longest side from which on nothing more is asked; a finer grid is interpolated."""
     band: float = 3.0
     """Cells with a corner of smaller |log-odds| are looked at more closely, though all corners agree."""
 
 
 def decode(
     field: OccupancyField,
-    lattice: Lattice,
+    grid: QueryGrid,
     refinement: Refinement,
     wanted: Bool[np.ndarray, "x y z"] | None = None,
     forced: Bool[np.ndarray, "x y z"] | None = None,
 ) -> Float32[np.ndarray, "x y z"]:
-    """Log-odds at the voxels of a lattice, coarse to fine.
+    """Log-odds at the voxels of a grid, coarse to fine.
 
     From one level to the next, cells are split whose corners disagree or are unsure, those that hold a forced voxel,
     and the neighbours of all these. What is not split takes its corners' mean, and so their sign.
 
     Args:
         field: asked only within [-1, 1]³, in chunks of its own choosing.
-        lattice: the finest level.
+        grid: the finest level.
         refinement: where to start, what counts as unsure.
         wanted: voxels whose values matter; None: all. Cells without any are not split.
         forced: voxels in which surface is known to be, such as those of observed points.
@@ -63,14 +63,14 @@ def decode(
     Raises:
         CompleteError: the field answers with something that is not finite.
     """
-    coarsest = 2 ** max(0, math.floor(math.log2(max(lattice.shape) / refinement.cells)))
+    coarsest = 2 ** max(0, math.floor(math.log2(max(grid.shape) / refinement.cells)))
     step = coarsest
-    nodes = [max(1, math.ceil((n - 1) / coarsest)) + 1 for n in lattice.shape]
+    nodes = [max(1, math.ceil((n - 1) / coarsest)) + 1 for n in grid.shape]
     values = np.zeros(nodes, np.float32)
     asked = np.ones(nodes, bool)
-    _ask(field, lattice, step, asked, values)
+    _ask(field, grid, step, asked, values)
     while step > 1:
-        if max(lattice.shape) / step >= refinement.enough:
+        if max(grid.shape) / step >= refinement.enough:
             values, asked, step = _between(values), np.zeros(0, bool), step // 2
             continue
         split = _unsure(values, refinement.band)
@@ -84,9 +84,9 @@ def decode(
         known = np.zeros(finer.shape, bool)
         known[::2, ::2, ::2] = asked
         new = _corners(split) & ~known
-        _ask(field, lattice, step, new, finer)
+        _ask(field, grid, step, new, finer)
         values, asked = finer, known | new
-    return np.ascontiguousarray(values[tuple(slice(n) for n in lattice.shape)])
+    return np.ascontiguousarray(values[tuple(slice(n) for n in grid.shape)])
 
 
 def signed_distance(logits: Float32[np.ndarray, "x y z"], threshold: float) -> Float32[np.ndarray, "x y z"]:
@@ -101,7 +101,7 @@ def signed_distance(logits: Float32[np.ndarray, "x y z"], threshold: float) -> F
 
 def _ask(
     field: OccupancyField,
-    lattice: Lattice,
+    grid: QueryGrid,
     step: int,
     where: Bool[np.ndarray, "x y z"],
     values: Float32[np.ndarray, "x y z"],
@@ -110,7 +110,7 @@ def _ask(
     index = np.argwhere(where)
     if len(index) == 0:
         return
-    points = (lattice.origin + lattice.voxel * step * index).astype(np.float32)
+    points = (grid.origin + grid.voxel * step * index).astype(np.float32)
     within = (np.abs(points) <= 1.0).all(axis=1)
     values[tuple(index[~within].T)] = _BEYOND
     index, points = index[within], points[within]

@@ -12,7 +12,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from goc.complete.layers import SelfBlock
-from goc.complete.partial import CHANNELS, Partial, PartialBatch, batch_of
+from goc.complete.partial import CHANNELS, PartialBatch, PartialObject, batch_of
 
 Volume = Float[Tensor, "b c n n n"]
 
@@ -67,7 +67,7 @@ class Bottleneck(nn.Module):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Features:
+class FeatureGrids:
     """Grids that fill the cube, fine to coarse; together they say what is where."""
 
     volumes: tuple[Float[Tensor, "_ _ _ _ _"], ...]
@@ -109,7 +109,7 @@ class OscLite(nn.Module):
             nn.Linear(config.hidden, 1),
         )
 
-    def features(self, evidence: Volume) -> Features:
+    def features(self, evidence: Volume) -> FeatureGrids:
         """What the network makes of the evidence; the evidence itself is the finest of the grids."""
         given = evidence.to(memory_format=torch.channels_last_3d)  # twice as fast as the default on CPUs (measured)
         fine = self.encode_fine(self.stem(given))
@@ -117,9 +117,9 @@ class OscLite(nn.Module):
         coarse = self.bottleneck(self.to_coarse(middle))
         middle = self.decode_middle(self.join_middle(torch.cat([middle, self.from_coarse(coarse)], 1)))
         fine = self.decode_fine(self.join_fine(torch.cat([fine, self.from_middle(middle)], 1)))
-        return Features(volumes=(evidence, fine, middle))
+        return FeatureGrids(volumes=(evidence, fine, middle))
 
-    def decode(self, features: Features, queries: Float[Tensor, "b q 3"]) -> Float[Tensor, "b q"]:
+    def decode(self, features: FeatureGrids, queries: Float[Tensor, "b q 3"]) -> Float[Tensor, "b q"]:
         """Log-odds of occupancy at the queries."""
         return self.to_logit(features.at(queries))[..., 0].float()
 
@@ -130,7 +130,7 @@ class OscLite(nn.Module):
         return self.decode(self.features(seen.evidence), queries), queries.new_zeros(())
 
     @torch.inference_mode()
-    def complete(self, partial: Partial) -> "LiteField":
+    def complete(self, partial: PartialObject) -> "LiteField":
         """The field of one object."""
         evidence = batch_of(partial, points=0, cells=self.config.cells).evidence
         return LiteField(model=self, features=self.features(evidence.to(self.stem.weight.device)))
@@ -141,7 +141,7 @@ class LiteField:
     """Occupancy of one object, with the features kept."""
 
     model: OscLite
-    features: Features
+    features: FeatureGrids
     chunk: int = 65_536
     """Queries decoded at once."""
 

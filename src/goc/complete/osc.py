@@ -7,7 +7,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 
 from goc.complete.layers import FOURIER, CrossBlock, KeysValues, SelfBlock, fourier_features
-from goc.complete.partial import Partial, PartialBatch, batch_of
+from goc.complete.partial import PartialBatch, PartialObject, batch_of
 from goc.complete.sampling import farthest_points
 
 
@@ -103,7 +103,7 @@ class Osc(nn.Module):
         return self.decode(queries, self.remember(latent.sample())), 0.5 * spread.sum(-1).mean()
 
     @torch.inference_mode()
-    def complete(self, partial: Partial) -> "OscField":
+    def complete(self, partial: PartialObject) -> "OscField":
         """The field of one object, from the mean of its latent: the same each time."""
         device = self.embed.weight.device
         points = batch_of(partial, self.config.points, cells=1).points.to(device)

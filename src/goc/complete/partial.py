@@ -39,7 +39,7 @@ class Cube:
         return (points * (self.side / 2) + self.centre).astype(np.float32)
 
 
-def cube_round(points: Float[np.ndarray, "p 3"], side: float = SIDE) -> Cube:
+def bounding_cube(points: Float[np.ndarray, "p 3"], side: float = SIDE) -> Cube:
     """The cube round the box of the seen points, its side `side` times the longest side of that box.
 
     Raises:
@@ -55,7 +55,7 @@ def cube_round(points: Float[np.ndarray, "p 3"], side: float = SIDE) -> Cube:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Partial:
+class PartialObject:
     """An object as far as it was seen, in the frame of its cube: model units, in which the cube is [-1, 1]³."""
 
     points: Float32[np.ndarray, "p 3"]
@@ -66,12 +66,12 @@ class Partial:
     """What rays said of the space round it; origin, voxel and sdf in model units."""
 
 
-def partial_of(
+def partial_object(
     points: Float[np.ndarray, "p 3"],
     normals: Float[np.ndarray, "p 3"] | None,
     evidence: EvidenceGrid,
     cube: Cube,
-) -> Partial:
+) -> PartialObject:
     """Bring what was measured in the world into the frame of a cube."""
     scale = 2.0 / cube.side
     moved = EvidenceGrid(
@@ -81,7 +81,7 @@ def partial_of(
         sdf=(evidence.sdf * np.float32(scale)).astype(np.float32),
     )
     unit = np.zeros_like(points) if normals is None else normals
-    return Partial(points=cube.model_from_world(points), normals=unit.astype(np.float32), evidence=moved)
+    return PartialObject(points=cube.model_from_world(points), normals=unit.astype(np.float32), evidence=moved)
 
 
 @runtime_checkable
@@ -97,7 +97,7 @@ class OccupancyField(Protocol):
 class Completer(Protocol):
     """A completion model, whatever is inside."""
 
-    def complete(self, partial: Partial) -> OccupancyField:
+    def complete(self, partial: PartialObject) -> OccupancyField:
         """The whole object, as far as the model can tell, from the part that was seen."""
         ...
 
@@ -109,7 +109,7 @@ class PartialBatch:
     points: Float[Tensor, "b p 3"]
     normals: Float[Tensor, "b p 3"]
     evidence: Float[Tensor, "b c n n n"]
-    """CHANNELS on a lattice of n³ cells that fills the cube."""
+    """CHANNELS on a grid of n³ cells that fills the cube."""
 
     def to(self, device: torch.device | str) -> "PartialBatch":
         """The same on another device."""
@@ -118,7 +118,7 @@ class PartialBatch:
         )
 
 
-def batch_of(partial: Partial, points: int, cells: int) -> PartialBatch:
+def batch_of(partial: PartialObject, points: int, cells: int) -> PartialBatch:
     """One partial object as a batch: `points` of its points, and its evidence on `cells`³ cells."""
     chosen = spread_rows(len(partial.points), points)
     return PartialBatch(
@@ -148,7 +148,7 @@ def cell_centres(cells: int) -> Float32[np.ndarray, "n n n 3"]:
 
 
 def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray, "4 {cells} {cells} {cells}"]:
-    """Evidence on the lattice of a network: CHANNELS, each cell the mean of 2×2×2 look-ups into the grid.
+    """Evidence on the grid of a network: CHANNELS, each cell the mean of 2×2×2 look-ups into the grid.
 
     Training and completion both come through here, so that the network meets nothing that it was not trained on.
 

@@ -40,11 +40,11 @@ def poisson_fill(
     at = ((points - grid.origin) / grid.voxel).astype(np.float32)
     # One more than a side must be a product of small primes, or its transform takes ten times as long.
     shape = tuple(int(fft.next_fast_len(n + 1, real=True)) - 1 for n in grid.state.shape)
-    density = _dealt(at, np.ones(len(at), np.float32), shape)
+    density = _splatted(at, np.ones(len(at), np.float32), shape)
     wide = ndimage.gaussian_filter(density, _BLUR)
     usual = float(np.median(wide[_voxels(at)]))
     even = np.minimum(wide / usual, 1.0) / np.maximum(wide, 0.05 * usual)  # each part once, however dense its points
-    parts = (ndimage.gaussian_filter(_dealt(at, normals[:, axis], shape), _BLUR) * even for axis in range(3))
+    parts = (ndimage.gaussian_filter(_splatted(at, normals[:, axis], shape), _BLUR) * even for axis in range(3))
     source = sum(np.gradient(part, axis=axis) for axis, part in enumerate(parts))
     # Normals look outwards and the indicator falls outwards: minus its Laplacian is the divergence of the normals.
     inside = _screened(source.astype(np.float32), at, density)
@@ -106,7 +106,7 @@ def _voxels(at: Float32[np.ndarray, "p 3"]) -> tuple[np.ndarray, ...]:
     return tuple(np.floor(at).astype(int).T)
 
 
-def _dealt(at: Float32[np.ndarray, "p 3"], values: Float32[np.ndarray, "p"], shape: tuple[int, ...]) -> Grid:
+def _splatted(at: Float32[np.ndarray, "p 3"], values: Float32[np.ndarray, "p"], shape: tuple[int, ...]) -> Grid:
     """Sums of values dealt to the eight voxels round each point, trilinear."""
     low = np.floor(at).astype(np.int64)
     share = at - low

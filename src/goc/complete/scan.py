@@ -11,7 +11,7 @@ from goc.complete.config import ScanConfig
 from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
 from goc.complete.stage import model_fill, network_for
-from goc.complete.viewpoint import carved, facing
+from goc.complete.viewpoint import carve_free_space, facing
 from goc.errors import CompleteError
 from goc.events import Listener, Warned, ignore
 from goc.geometry.orientation import point_normals
@@ -27,8 +27,8 @@ _LEAST_OBSERVED = 0.005
 """Share of the closed surface that lies on the scan, below which the scan was taken for the wall of a hollow."""
 _LOST_VOXELS, _LOST_SHARE = 2.0, 0.05
 """Points this far off the closed surface are lost; more than this share of them is told."""
-_STRAY = 6.0
-"""Points whose neighbours are this many times further off than is usual are strays."""
+_OUTLIER_DISTANCE = 6.0
+"""Points whose neighbours are this many times further off than is usual are outliers."""
 
 
 def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = ignore) -> ObjectMesh:
@@ -54,7 +54,7 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
     cloud = _prepared(cloud, viewpoint, notify)
     found = scanned_object(cloud, config.cells)
     if viewpoint is not None:
-        found = replace(found, evidence=carved(found.evidence, cloud.positions, viewpoint))
+        found = replace(found, evidence=carve_free_space(found.evidence, cloud.positions, viewpoint))
     assert cloud.normals is not None
     fill = None
     if config.method == "smooth":
@@ -87,11 +87,11 @@ def _tell_lost(points: Float32[np.ndarray, "p 3"], done: ObjectMesh, notify: Lis
 
 
 def _prepared(cloud: PointCloud, viewpoint: Float64[np.ndarray, "3"] | None, notify: Listener) -> PointCloud:
-    """Enough points, not too many, no strays, with normals outwards as far as the viewpoint tells."""
+    """Enough points, not too many, no outliers, with normals outwards as far as the viewpoint tells."""
     count = len(cloud.positions)
     if count < _FEWEST or not np.ptp(cloud.positions, axis=0).max() > 0:
         raise CompleteError(f"{count} points tell no surface: {_FEWEST} are needed, in more than one place.")
-    cleaned = without_strays(cloud)
+    cleaned = without_outliers(cloud)
     if len(cleaned.positions) < count:
         message = f"{count - len(cleaned.positions)} of {count} points lie far from all others: left out."
         notify(Warned(stage="complete", message=message))
@@ -126,11 +126,11 @@ def _chosen(cloud: PointCloud, rows: np.ndarray) -> PointCloud:
     return replace(cloud, positions=cloud.positions[rows], colours=cloud.colours[rows], normals=normals)
 
 
-def without_strays(cloud: PointCloud) -> PointCloud:
+def without_outliers(cloud: PointCloud) -> PointCloud:
     """Drop points that lie far from all others."""
     apart = cKDTree(cloud.positions).query(cloud.positions, k=min(_NEAREST + 1, len(cloud.positions)))[0][:, 1:]
     off = apart.mean(axis=1)
-    return _chosen(cloud, off <= _STRAY * max(float(np.median(off)), 1e-30))
+    return _chosen(cloud, off <= _OUTLIER_DISTANCE * max(float(np.median(off)), 1e-30))
 
 
 def scanned_object(cloud: PointCloud, cells: int) -> ObjectMesh:

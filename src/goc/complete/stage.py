@@ -10,10 +10,10 @@ from jaxtyping import Float32
 
 from goc.complete.compose import Composition, closed_object, compose_field, with_margin
 from goc.complete.config import CompleteConfig
-from goc.complete.decode import Lattice, Refinement, decode, signed_distance
+from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.lite import OscLite
 from goc.complete.osc import Osc
-from goc.complete.partial import Completer, cube_round, partial_of
+from goc.complete.partial import Completer, bounding_cube, partial_object
 from goc.complete.weights import SHIPPED, load_network
 from goc.errors import CompleteError
 from goc.events import Listener, Progress, Warned, ignore
@@ -113,15 +113,15 @@ def model_fill(
     """
     grid = with_margin(found.evidence)
     points = found.mesh.vertices
-    cube = cube_round(points)
+    cube = bounding_cube(points)
     seen = narrowed(found.evidence, _BAND * max(found.evidence.state.shape) * found.evidence.voxel)
-    field = model.complete(partial_of(points, normals, seen, cube))
+    field = model.complete(partial_object(points, normals, seen, cube))
     scale = 2.0 / cube.side
-    lattice = Lattice(origin=(grid.origin - cube.centre) * scale, voxel=grid.voxel * scale, shape=grid.state.shape)
+    queries = QueryGrid(origin=(grid.origin - cube.centre) * scale, voxel=grid.voxel * scale, shape=grid.state.shape)
     unknown = grid.state == Evidence.UNKNOWN
     surface = (grid.state == Evidence.SURFACE) & (np.abs(grid.sdf) < grid.voxel)
     refinement = Refinement(cells=coarse_cells, enough=_ENOUGH_CELLS)
-    logits = decode(field, lattice, refinement, wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
+    logits = decode(field, queries, refinement, wanted=_near(unknown, _SEAM_VOXELS), forced=surface)
     return signed_distance(logits, threshold)
 
 

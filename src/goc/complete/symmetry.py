@@ -18,7 +18,7 @@ def posed_points(points: Float[Tensor, "*b 3"], pose: int) -> Float[Tensor, "*b 
 
 
 def posed_volume(volume: Float[Tensor, "c n n n"], pose: int) -> Float[Tensor, "c n n n"]:
-    """A field on a lattice that fills the cube, in a pose: what was at x is at `posed_points(x)`."""
+    """A field on a grid that fills the cube, in a pose: what was at x is at `posed_points(x)`."""
     if pose >= POSES // 2:
         volume = volume.flip(1)
     return torch.rot90(volume, pose % 4, (1, 2))

@@ -20,7 +20,7 @@ _SMALL_HOLE = 0.02
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class _View:
+class _ImagePlane:
     """An image plane at distance 1 before the viewpoint."""
 
     eye: Float64[np.ndarray, "3"]
@@ -34,7 +34,9 @@ class _View:
         return local[:, :2] / np.maximum(local[:, 2:], 1e-12) / self.pixel, local[:, 2]
 
 
-def carved(evidence: EvidenceGrid, points: Float[np.ndarray, "p 3"], viewpoint: Float[np.ndarray, "3"]) -> EvidenceGrid:
+def carve_free_space(
+    evidence: EvidenceGrid, points: Float[np.ndarray, "p 3"], viewpoint: Float[np.ndarray, "3"]
+) -> EvidenceGrid:
     """Mark unknown space as seen empty that rays from a viewpoint passed on their way to the points or beside them.
 
     Directions in which no point lies, beyond gaps and small holes, count as seen past the object: a scan is all that
@@ -77,7 +79,7 @@ def facing(
     return np.where(away[:, None], -normals, normals).astype(np.float32)
 
 
-def _looking(viewpoint: Float[np.ndarray, "3"], points: Float[np.ndarray, "p 3"], voxel: float) -> _View:
+def _looking(viewpoint: Float[np.ndarray, "3"], points: Float[np.ndarray, "p 3"], voxel: float) -> _ImagePlane:
     eye = np.asarray(viewpoint, np.float64)
     towards = (points.min(axis=0) + points.max(axis=0)) / 2.0 - eye
     away = max(float(np.linalg.norm(towards)), 1e-12)
@@ -85,7 +87,7 @@ def _looking(viewpoint: Float[np.ndarray, "3"], points: Float[np.ndarray, "p 3"]
     aside = np.eye(3)[int(np.argmin(np.abs(forward)))]
     right = np.cross(forward, aside)
     right /= max(float(np.linalg.norm(right)), 1e-12)
-    return _View(eye=eye, axes=np.stack([right, np.cross(forward, right), forward]), pixel=voxel / away)
+    return _ImagePlane(eye=eye, axes=np.stack([right, np.cross(forward, right), forward]), pixel=voxel / away)
 
 
 def _outline(hit: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:

@@ -12,14 +12,14 @@ from scipy.spatial import ConvexHull, QhullError
 
 from goc.complete import (
     Completer,
-    Lattice,
+    QueryGrid,
     Refinement,
+    bounding_cube,
     compose,
     compose_field,
-    cube_round,
     decode,
     model_fill,
-    partial_of,
+    partial_object,
     signed_distance,
     with_margin,
 )
@@ -114,16 +114,16 @@ def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Completio
     """What a network says, in its whole cube, whatever was measured."""
     started = time.perf_counter()
     points, voxel = found.mesh.vertices, found.evidence.voxel
-    cube = cube_round(points)
-    field = network.complete(partial_of(points, vertex_normals(found.mesh), found.evidence, cube))
+    cube = bounding_cube(points)
+    field = network.complete(partial_object(points, vertex_normals(found.mesh), found.evidence, cube))
     count = math.ceil(cube.side / voxel)
-    lattice = Lattice(origin=np.full(3, 1.0 / count - 1.0), voxel=2.0 / count, shape=(count,) * 3)
-    distance = signed_distance(decode(field, lattice, Refinement(cells=_COARSE)), threshold)
+    queries = QueryGrid(origin=np.full(3, 1.0 / count - 1.0), voxel=2.0 / count, shape=(count,) * 3)
+    distance = signed_distance(decode(field, queries, Refinement(cells=_COARSE)), threshold)
     grid = EvidenceGrid(
-        origin=cube.centre + lattice.origin * (cube.side / 2),
+        origin=cube.centre + queries.origin * (cube.side / 2),
         voxel=cube.side / count,
-        state=np.zeros(lattice.shape, np.uint8),
-        sdf=np.zeros(lattice.shape, np.float32),
+        state=np.zeros(queries.shape, np.uint8),
+        sdf=np.zeros(queries.shape, np.float32),
     )
     vertices, faces = grid_surface(distance, grid.origin, grid.voxel)
     seconds = time.perf_counter() - started

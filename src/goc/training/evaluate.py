@@ -134,7 +134,7 @@ def evaluate(
     Args:
         data: what `goc osc prepare` wrote.
         network: None scores what needs no training alone.
-        config: masks and lattice.
+        config: masks and grid.
         notify: hears progress.
         pictures: PNG for some cases, seen, completed and true; None: none.
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16
 
-from goc.complete import Cube, Partial, cube_round, partial_of
+from goc.complete import Cube, PartialObject, bounding_cube, partial_object
 from goc.extract import ExtractConfig
 from goc.fusion.depth_views import DepthView
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
@@ -80,7 +80,7 @@ class MaskedObject:
 
     placed: PlacedShape
     cube: Cube
-    partial: Partial
+    partial: PartialObject
     views: int
     regime: str
 
@@ -97,13 +97,13 @@ def mask(solid: WatertightShape, config: MaskConfig, random: Random) -> MaskedOb
     seen = _hit_points(taken, placed)
     if len(seen) < 60:
         return None
-    cube = _jittered(cube_round(seen), config.jitter, random)
+    cube = _jittered(bounding_cube(seen), config.jitter, random)
     noisy = add_depth_noise(taken, placed, config.noise, random)
     evidence = _evidence(noisy, seen, float(random.uniform(0.02, 0.2)), int(random.integers(86, 104)))
     if random.random() < config.forget_empty:
         evidence = _with_empty_forgotten(evidence)
     points, normals = _seen_surface(placed, taken, config, random)
-    partial = partial_of(points, normals, evidence, cube)
+    partial = partial_object(points, normals, evidence, cube)
     return MaskedObject(placed=placed, cube=cube, partial=partial, views=len(taken), regime=regime)
 
 

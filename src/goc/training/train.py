@@ -34,7 +34,7 @@ from goc.training.watertight_shape import WatertightShape
 
 STATE, WEIGHTS = "state.safetensors", "weights.safetensors"
 _CELLS_OF_POINTS = 8
-"""Cells of the evidence lattice for networks that take points: they look at none of it."""
+"""Cells of the evidence grid for networks that take points: they look at none of it."""
 _VALIDATION_SHAPES = 24
 
 

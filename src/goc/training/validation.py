@@ -1,4 +1,4 @@
-"""How a training goes: completions of shapes it does not train on, on the lattice of its network, against the truth."""
+"""How a training goes: completions of shapes it does not train on, on the grid of its network, against the truth."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -25,7 +25,7 @@ _SOFT = 0.004
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationCase:
-    """One masked object on a lattice, with its truth."""
+    """One masked object on a grid, with its truth."""
 
     masked: MaskedObject
     channels: Float32[np.ndarray, "c n n n"]
@@ -67,7 +67,7 @@ def validation_cases(
 
 
 def case_of(masked: MaskedObject, cells: int) -> ValidationCase:
-    """A masked object on a lattice of `cells`³."""
+    """A masked object on a grid of `cells`³."""
     centres = cell_centres(cells).reshape(-1, 3)
     truth = true_distance(masked, centres).reshape((cells,) * 3)
     return ValidationCase(masked=masked, channels=evidence_channels(masked.partial.evidence, cells), truth=truth)
