@@ -13,8 +13,8 @@ demo: $(VENV)/.installed
 	$(BIN)/goc demo --out goc-demo --overwrite
 
 test: $(VENV)/.installed-test
-	$(BIN)/ruff check src tests benchmarks
-	$(BIN)/ruff format --check src tests benchmarks
+	$(BIN)/ruff check src tests benchmarks examples
+	$(BIN)/ruff format --check src tests benchmarks examples
 	$(BIN)/lint-imports
 	$(BIN)/python -m pytest
 

@@ -1,4 +1,4 @@
-"""Time extraction and completion of one room: `python benchmarks/extract.py --data ../shared/data/bench [--json FILE]`.
+"""Time extraction and completion of one room: `python benchmarks/extract.py --data ROOMS [--json FILE]`.
 
 Exact depth and ids of all 170 views of 384×384; completion by the hull. Absolute times drift from machine to machine:
 the last column is a ratio to the 1024² float32 product that benchmarks/engine.py measures, of the same run.
@@ -73,7 +73,7 @@ def stages(room: Path) -> dict[str, float]:
 def main() -> None:
     """Print a table; write it as JSON where asked."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--data", type=Path, default=Path("../shared/data/bench"))
+    parser.add_argument("--data", type=Path, required=True, help="folder of rooms")
     parser.add_argument("--room", default="living")
     parser.add_argument("--json", type=Path)
     arguments = parser.parse_args()

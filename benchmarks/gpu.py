@@ -31,7 +31,7 @@ from goc.scene import Capture, EvidenceGrid, Frame, Gaussians
 SPLATS = 60_000
 NAMES = ("means", "quats", "log_scales", "opacity_logits")
 BOUNDS_S = {"fast": 90.0, "paper": 360.0}
-"""Issue 5: carve and complete a room, and the paper's preset."""
+"""Aims: carve and complete a room, and the paper's preset."""
 
 
 def median_ms(action: Callable[[], object], repeats: int = 20) -> float:

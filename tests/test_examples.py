@@ -1,0 +1,43 @@
+"""Every example runs as its docstring says, and tells what it promises."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+TOLD = {
+    "01_carve": ["splats", "object 1, ", "look at "],
+    "02_read_a_scene": ["object 1"],
+    "03_complete_a_scan": ["watertight: True", "volume 4."],
+    "04_rasterise": ["depth in the middle: 2.000 m"],
+    "05_evaluate": ["f_score_0.05", "of 6 objects found"],
+}
+"""Words that each example prints."""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """One folder for all: later examples read what the first has made."""
+    return tmp_path_factory.mktemp("example")
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("name", sorted(path.stem for path in EXAMPLES.glob("*.py")))
+def test_an_example_runs(name, folder):
+    paths = [str(EXAMPLES.parent / "src"), os.environ.get("PYTHONPATH", "")] if _in_source_tree() else []
+    environment = os.environ | ({"PYTHONPATH": os.pathsep.join(filter(None, paths))} if paths else {})
+    words = [sys.executable, "-W", "error", str(EXAMPLES / f"{name}.py"), str(folder)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 0, done.stderr
+    for words in TOLD[name]:
+        assert words in done.stdout, done.stdout
+
+
+def _in_source_tree():
+    """Whether goc is imported from src/, not from an installed package."""
+    import goc
+
+    return Path(goc.__file__).is_relative_to(EXAMPLES.parent)
