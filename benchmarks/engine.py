@@ -24,7 +24,7 @@ from goc.geometry.rotations import quats_towards
 from goc.raster import rasterize
 from goc.raster.rasterize import native_camera
 from goc.reconstruct.labels import votes_of_view
-from goc.scene import Camera, Capture, Frame, Gaussians
+from goc.scene import Camera, Capture, Frame, Gaussians, StoredFrames
 
 SIDE, FOCAL = 384, 295.65
 IDS = 20
@@ -119,7 +119,8 @@ def iteration_ms(splats: int) -> float:
     rays = torch.cat([(pixels + 0.5 - SIDE / 2) / FOCAL, torch.ones(SIDE, SIDE, 1)], -1)
     hits = torch.stack([1.5 / rays[..., 0].abs(), 1.3 / rays[..., 1].abs(), torch.full((SIDE, SIDE), 3.5)], -1)
     frame = Frame(camera=view, image=image, depth=hits.amin(-1))
-    capture = Capture(cameras=(view, view), view_names=("a", "b"), load=lambda _: frame, has_depth=True, has_ids=False)
+    frames = StoredFrames((frame, frame))
+    capture = Capture(cameras=(view, view), view_names=("a", "b"), frames=frames, has_depth=True, has_ids=False)
     assert len(room) == splats
     stamps: list[float] = []
 

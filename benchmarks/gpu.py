@@ -26,7 +26,7 @@ from goc.errors import EngineError
 from goc.events import Event, Progress
 from goc.raster import NATIVE, Engine, choose_engine, views_of
 from goc.reconstruct import Mcmc, ReconstructConfig, reconstruct
-from goc.scene import Capture, EvidenceGrid, Frame, Gaussians
+from goc.scene import Capture, EvidenceGrid, Frame, Gaussians, StoredFrames
 
 SPLATS = 60_000
 NAMES = ("means", "quats", "log_scales", "opacity_logits")
@@ -99,9 +99,9 @@ def step_ms(engine: Engine, views: int) -> float:
         pose[0, 3] = 0.1 * place
         cameras.append(replace(cpu.camera(), world_from_cam=pose))
     image, depth = (torch.rand(cpu.SIDE, cpu.SIDE, 3) * 255).to(torch.uint8), torch.full((cpu.SIDE, cpu.SIDE), 3.0)
-    frames = [Frame(camera=camera, image=image, depth=depth) for camera in cameras]
+    frames = StoredFrames(tuple(Frame(camera=camera, image=image, depth=depth) for camera in cameras))
     capture = Capture(
-        cameras=tuple(cameras), view_names=tuple("abcdefgh"), load=frames.__getitem__, has_depth=True, has_ids=False
+        cameras=tuple(cameras), view_names=tuple("abcdefgh"), frames=frames, has_depth=True, has_ids=False
     )
     stamps: list[float] = []
 

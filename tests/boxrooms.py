@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from goc.scene import ROOM, Camera, Capture, Frame
+from goc.scene import ROOM, Camera, Capture, Frame, StoredFrames
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 FLOOR: Box = ((-2.0, -2.0, -0.2), (2.0, 2.0, 0.0))
@@ -104,7 +104,7 @@ def box_room(
     return Capture(
         cameras=tuple(cameras),
         view_names=tuple(f"images/{index:03d}.png" for index in range(len(frames))),
-        load=frames.__getitem__,
+        frames=StoredFrames(tuple(frames)),
         has_depth=True,
         has_ids=True,
         units_per_metre=moved.scale,

@@ -12,7 +12,7 @@ from goc.events import Progress, Warned
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 from goc.fusion.cell_counts import count_cells, object_cells
 from goc.fusion.depth_views import depth_views
-from goc.scene import Evidence
+from goc.scene import Evidence, StoredFrames
 
 BOXES = {1: table(0.0, 0.7), 4: cube(0.15, 0.6, 0.72, 0.3)}
 CONFIG = ExtractConfig(object_voxel=0.02, object_cells=12, scene_voxel=0.04, evidence_cells=32)
@@ -146,7 +146,7 @@ def test_noise_and_flickering_ids_change_little(objects):
         rng = np.random.default_rng(100 + index)
         shift = tuple(int(s) for s in rng.integers(-1, 2, 2))  # ids slip by a pixel, another way in each view
         frames[index] = replace(frame, ids=torch.roll(frame.ids, shift, (0, 1)))
-    noisy = replace(box_room(BOXES, all_round()), load=frames.__getitem__)
+    noisy = replace(box_room(BOXES, all_round()), frames=StoredFrames(tuple(frames)))
     for found in extract_objects(noisy, CONFIG):
         off = np.abs(outside(found.mesh.vertices, BOXES[found.id]))
         assert off.mean() < 0.006 and off.max() < 0.08
@@ -199,7 +199,7 @@ def test_captures_without_ids_or_depth_are_refused(room):
     with pytest.raises(ExtractError, match=f"None of {len(room)} views has instance ids"):
         extract_objects(replace(room, has_ids=False), CONFIG)
     frames = [replace(frame, depth=None) for frame in room]
-    blind = replace(room, load=frames.__getitem__, has_depth=False)
+    blind = replace(room, frames=StoredFrames(tuple(frames)), has_depth=False)
     with pytest.raises(ExtractError, match=f"None of {len(room)} views has metric depth"):
         fuse_scene(blind, CONFIG)
     with pytest.raises(ExtractError, match=f"None of {len(room)} views has metric depth"):
@@ -209,7 +209,7 @@ def test_captures_without_ids_or_depth_are_refused(room):
 def test_views_that_contradict_each_other_leave_no_scene(room):
     frames = [replace(frame, depth=torch.full_like(frame.depth, np.nan)) for frame in room]
     with pytest.raises(ExtractError, match="left no surface"):
-        fuse_scene(replace(room, load=frames.__getitem__), CONFIG)
+        fuse_scene(replace(room, frames=StoredFrames(tuple(frames))), CONFIG)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from goc.geometry.rays import pixel_rays
 from goc.priors.stereo import camera_numbers, stereo_depths
 from goc.reconstruct import ReconstructConfig, StereoConfig
 from goc.reconstruct.seed import seed
-from goc.scene import Camera, Capture, Frame
+from goc.scene import Camera, Capture, Frame, StoredFrames
 from oracles import stereo as slow
 
 SMALL = StereoConfig(side_px=96, neighbours=5, planes=64)
@@ -65,7 +65,7 @@ def capture_of(views: list[Camera], blank: bool = False, metre: float = 1.0) -> 
     return Capture(
         cameras=tuple(views),
         view_names=tuple(str(number) for number in range(len(views))),
-        load=lambda index: frames[index],
+        frames=StoredFrames(tuple(frames)),
         has_depth=False,
         has_ids=False,
         units_per_metre=metre,

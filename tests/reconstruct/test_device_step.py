@@ -123,7 +123,7 @@ def test_views_of_several_sizes_go_in_calls_of_one_size(capture):
         pick = {name: getattr(frame, name)[::2, ::2].contiguous() for name in ("image", "depth", "ids")}
         return replace(frame, camera=small, normals=None, **pick)
 
-    mixed = replace(capture, cameras=(small, *capture.cameras[1:]), load=load)
+    mixed = replace(capture, cameras=(small, *capture.cameras[1:]), frames=load)
     sizes = set()
 
     def blend(gaussians, views, channels):
@@ -187,8 +187,8 @@ def test_views_that_do_not_fit_are_brought_again(capture, monkeypatch):
     def small(self, task, device):
         start(self, task, device)
         self._room = 2 * 15 * 64 * 48
-        load = task.capture.load
-        counting = replace(task.capture, load=lambda index: loads.append(index) or load(index))
+        load = task.capture.frames
+        counting = replace(task.capture, frames=lambda index: loads.append(index) or load(index))
         self._task = replace(task, capture=counting)
 
     monkeypatch.setattr(DeviceViews, "__init__", small)
@@ -219,7 +219,7 @@ def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
         frame = capture[index]
         return replace(frame, depth=0.5 * frame.depth, normals=None)
 
-    affine = replace(capture, load=halved, depth_kind="affine", points=None)
+    affine = replace(capture, frames=halved, depth_kind="affine", points=None)
     depths = {view: (capture.cameras[view], capture[view].depth) for view in range(4)}
     config = replace(BASE, monocular=Monocular(settle=False))
     found = [reconstruct(affine, config, known_depths=lambda: depths, engine=e) for e in (NATIVE, ON_DEVICE)]
@@ -237,7 +237,7 @@ def test_a_loss_that_is_not_finite_is_named_at_the_next_look(capture):
         return replace(frame, depth=torch.full_like(frame.depth, 3.4e38))
 
     with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
-        reconstruct(replace(capture, load=spoilt), BASE, engine=ON_DEVICE)
+        reconstruct(replace(capture, frames=spoilt), BASE, engine=ON_DEVICE)
 
 
 def test_bytes_and_floats_are_the_same_normals(capture):

@@ -37,7 +37,7 @@ def wall_with_a_stranger() -> tuple[Gaussians, Capture]:
         world_from_cam=torch.eye(4),
     )
     frame = Frame(camera=camera, image=torch.zeros(SIDE, SIDE, 3, dtype=torch.uint8))
-    capture = Capture(cameras=(camera,), view_names=("a",), load=lambda _: frame, has_depth=False, has_ids=False)
+    capture = Capture(cameras=(camera,), view_names=("a",), frames=lambda _: frame, has_depth=False, has_ids=False)
     return splats, capture
 
 

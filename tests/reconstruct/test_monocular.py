@@ -163,7 +163,7 @@ def test_normals_follow_the_shape_not_the_scale(affine):
 def test_given_normals_count_without_depth(affine):
     normals = torch.zeros(48, 64, 3)
     normals[..., 2] = -1.0
-    bare = replace(affine, load=lambda index: replace(affine[index], depth=None, normals=normals))
+    bare = replace(affine, frames=lambda index: replace(affine[index], depth=None, normals=normals))
     views = {"alignment": torch.full((8, ROW), torch.nan)}
     for kind in ("affine", "metric"):
         found = geometry_priors(replace(bare, depth_kind=kind), True, Monocular())(0, views, shown(truth(0)), 0)

@@ -116,7 +116,7 @@ def test_views_come_to_agree_and_photographs_find_the_surface(capture):
     def after(photometric: float, geometric: float) -> State:
         losses = LossWeights(photometric=photometric, geometric=geometric)
         config = replace(QUICK, iterations=160, losses=losses, multiview=replace(WIDE, start=0.2))
-        return optimised(replace(capture, load=rough), config)
+        return optimised(replace(capture, frames=rough), config)
 
     plain = after(0.0, 0.0)
     assert disagreement(capture, after(0.0, 0.3)) < 0.95 * disagreement(capture, plain)

@@ -119,7 +119,7 @@ def test_votes_follow_the_masks(capture):
     gaussians = reconstruct(capture, replace(QUICK, iterations=20, checkpoint_every=0)).gaussians
     views = list(range(len(capture)))
     labels = vote_labels(gaussians, capture, views)
-    blank = replace(capture, load=lambda index: replace(capture[index], ids=None))
+    blank = replace(capture, frames=lambda index: replace(capture[index], ids=None))
     assert (vote_labels(gaussians, blank, views) == UNLABELLED).all()
     assert set(torch.unique(labels).tolist()) <= {UNLABELLED, *range(20)}
 
@@ -135,7 +135,7 @@ def test_a_view_that_spoils_the_loss_is_named(capture):
         return replace(frame, normals=normals)
 
     with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
-        reconstruct(replace(capture, load=spoilt), QUICK)
+        reconstruct(replace(capture, frames=spoilt), QUICK)
 
 
 def test_too_few_views_or_points_are_refused(capture):
@@ -143,7 +143,7 @@ def test_too_few_views_or_points_are_refused(capture):
     with pytest.raises(ReconstructError, match=r"1 training view\(s\): reconstruction needs at least 2"):
         reconstruct(alone, QUICK)
     empty = replace(
-        capture, load=lambda index: replace(capture[index], depth=torch.full_like(capture[index].depth, torch.nan))
+        capture, frames=lambda index: replace(capture[index], depth=torch.full_like(capture[index].depth, torch.nan))
     )
     with pytest.raises(ReconstructError, match="only 0 points to start from in 8 views"):
         reconstruct(empty, QUICK)
@@ -177,7 +177,7 @@ def test_votes_of_the_ids_in_view_are_the_votes_of_all_ids(capture):
     expected = torch.tensor(names, dtype=torch.int16)[total.argmax(-1)]
     found = vote_labels(gaussians, capture, views)
     assert torch.equal(found, torch.where(total.sum(-1) > 0, expected, UNLABELLED))
-    part = replace(capture, load=lambda index: replace(capture[index], ids=capture[index].ids.clamp_max(index % 3)))
+    part = replace(capture, frames=lambda index: replace(capture[index], ids=capture[index].ids.clamp_max(index % 3)))
     assert len(capture_ids(part, [0])) < len(capture_ids(part, views))  # views that show fewer ids than there are
     assert set(torch.unique(vote_labels(gaussians, part, views)).tolist()) <= {UNLABELLED, *capture_ids(part, views)}
 

@@ -32,7 +32,7 @@ def room(tmp_path_factory) -> Capture:
         image = (127.5 + 100.0 * waves.mean(-1, keepdim=True)).expand(-1, -1, 3)
         return replace(frame, image=image.round().to(torch.uint8))
 
-    return replace(capture, load=textured, depth_kind="affine", metric=False)
+    return replace(capture, frames=textured, depth_kind="affine", metric=False)
 
 
 def rows_with(bend: float) -> torch.Tensor:
@@ -74,7 +74,7 @@ def test_the_unit_of_the_scene_changes_nothing(room):
         pose[:3, 3] *= 10.0
         cameras.append(replace(camera, world_from_cam=pose))
     load = lambda view: replace(room[view], camera=cameras[view], depth=10.0 * room[view].depth)
-    large = replace(room, cameras=tuple(cameras), load=load, units_per_metre=10.0 * room.units_per_metre)
+    large = replace(room, cameras=tuple(cameras), frames=load, units_per_metre=10.0 * room.units_per_metre)
     bent = rows_with(0.02)
     a, b = (settled(capture, list(range(VIEWS)), bent, ignore) for capture in (room, large))
     torch.testing.assert_close(a[:, GRID], b[:, GRID], atol=2e-4, rtol=0)

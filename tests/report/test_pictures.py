@@ -99,11 +99,11 @@ def test_views_are_chosen_for_what_they_show(capture):
     empty = torch.zeros(48, 64, dtype=torch.int16)
     shows = {1: empty.clone(), 4: empty.clone()}
     shows[1][:4, :4], shows[4][:20, :20] = 5, 6
-    views = replace(capture, load=lambda index: replace(capture[index], ids=shows.get(index, empty)))
+    views = replace(capture, frames=lambda index: replace(capture[index], ids=shows.get(index, empty)))
     assert choose_views(views, 2) == [1, 4]
     assert choose_views(views, 1) == [4]
     assert choose_views(views, 99) == list(range(6))
-    blind = replace(capture, load=lambda index: replace(capture[index], ids=None))
+    blind = replace(capture, frames=lambda index: replace(capture[index], ids=None))
     assert len(choose_views(blind, 3)) == 3
 
 

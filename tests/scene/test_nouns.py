@@ -80,7 +80,11 @@ def test_a_capture_loads_views_when_asked():
         asked.append(index)
         return Frame(camera=camera(), image=torch.zeros(48, 64, 3, dtype=torch.uint8))
 
-    capture = Capture(cameras=(camera(),) * 3, view_names=("a", "b", "c"), load=load, has_depth=False, has_ids=False)
+    capture = Capture(cameras=(camera(),) * 3, view_names=("a", "b", "c"), frames=load, has_depth=False, has_ids=False)
     assert len(capture) == 3 and asked == []
     assert capture[1].depth is None and asked == [1]
     assert sum(1 for _ in capture) == 3 and asked == [1, 0, 1, 2]
+    assert capture[-1].image.shape == (48, 64, 3) and asked[-1] == 2
+    for index in (3, -4):
+        with pytest.raises(IndexError):
+            capture[index]

@@ -2,15 +2,14 @@
 
 from dataclasses import replace
 
-from goc.capture.cache import FrameCache
 from goc.capture.config import CaptureConfig
-from goc.capture.decode import Decoder, check_shape
+from goc.capture.decode import Photographs, WithDepth, WithIds, WithNormals, camera_of, check_shape
 from goc.capture.scale import guess_unit
 from goc.capture.source import Source, View, complain, count_of, shown
 from goc.errors import CaptureError
 from goc.events import Listener, Warned
 from goc.files import image_size, is_file
-from goc.scene import Capture
+from goc.scene import Camera, Capture, FrameSource, ViewCache
 
 _STAGE = "capture"
 
@@ -29,19 +28,17 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     views = tuple(_wanted(view, config) for view in views)
     views = _with_side_images(source, views, config, notify)
     _check_headers(source, views)
-    decoder = Decoder(depth_unit=source.depth_unit, id_codes=source.id_codes, max_side_px=config.max_side_px)
     try:
-        cameras = tuple(decoder.camera(view) for view in views)
+        cameras = tuple(camera_of(view, config.max_side_px) for view in views)
     except CaptureError as error:
         raise CaptureError(f"{source.path}: {error}. Check k1 to k4, p1 and p2.") from error
     units_per_metre = config.units_per_metre
     if units_per_metre is None:
         units_per_metre = 1.0 if measured else guess_unit([view.world_from_cam for view in views])
-    cache = FrameCache(lambda index: decoder.frame(views[index], cameras[index]), len(views), config.cache_mb << 20)
     return Capture(
         cameras=cameras,
         view_names=tuple(view.name for view in views),
-        load=cache,
+        frames=ViewCache(_layers(source, views, cameras), config.cache_mb << 20),
         has_depth=any(view.depth is not None for view in views),
         has_ids=any(view.ids is not None for view in views),
         depth_kind=kind,
@@ -50,6 +47,18 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         units_per_metre=units_per_metre,
         metric=measured or config.units_per_metre is not None,
     )
+
+
+def _layers(source: Source, views: tuple[View, ...], cameras: tuple[Camera, ...]) -> FrameSource:
+    """What decodes a view, a layer for each kind of image that some view has."""
+    frames: FrameSource = Photographs(views=views, cameras=cameras)
+    if any(view.depth is not None for view in views):
+        frames = WithDepth(below=frames, views=views, depth_unit=source.depth_unit)
+    if any(view.ids is not None for view in views):
+        frames = WithIds(below=frames, views=views, codes=source.id_codes)
+    if any(view.normals is not None for view in views):
+        frames = WithNormals(below=frames, views=views)
+    return frames
 
 
 def _wanted(view: View, config: CaptureConfig) -> View:

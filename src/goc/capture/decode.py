@@ -1,74 +1,126 @@
-"""One view's files → Frame: read, check sizes, undistort, scale down."""
+"""One view's files → Frame, in layers: the photograph, then depth, ids and normals, each brought onto its raster."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int16, UInt8
 from torch import Tensor
-from torch.nn import functional as F  # noqa: N812
 
-from goc.capture.distortion import kept_box, sampling_grid
+from goc.capture.distortion import kept_box
+from goc.capture.rasters import resized, undistorted
 from goc.capture.source import IdCodes, Lens, View
 from goc.errors import CaptureError
 from goc.files import read_depth, read_ids, read_image, read_normals
 from goc.geometry.rays import pixel_rays
-from goc.scene import ROOM, UNLABELLED, Camera, Frame
+from goc.scene import ROOM, UNLABELLED, Camera, Frame, FrameSource
 
 _SAME_ASPECT = 0.01
 
 
-@dataclass(frozen=True, kw_only=True)
-class Decoder:
-    """What all views of a capture have in common."""
+def camera_of(view: View, max_side_px: int) -> Camera:
+    """The pinhole camera that the decoded view has.
 
-    depth_unit: float
-    id_codes: IdCodes
-    max_side_px: int
+    Raises:
+        CaptureError: the lens's distortion leaves next to nothing of the image.
+    """
+    left, top, right, bottom = kept_box(view.lens)
+    camera = Camera(
+        focal_px=torch.tensor(view.lens.focal_px),
+        centre_px=torch.tensor([view.lens.centre_px[0] - left, view.lens.centre_px[1] - top]),
+        width=right - left,
+        height=bottom - top,
+        world_from_cam=torch.from_numpy(view.world_from_cam.astype(np.float32)),
+    )
+    scale = max_side_px / max(camera.width, camera.height)
+    if scale >= 1:
+        return camera
+    return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
 
-    def camera(self, view: View) -> Camera:
-        """The pinhole camera that the decoded view has."""
-        left, top, right, bottom = kept_box(view.lens)
-        camera = Camera(
-            focal_px=torch.tensor(view.lens.focal_px),
-            centre_px=torch.tensor([view.lens.centre_px[0] - left, view.lens.centre_px[1] - top]),
-            width=right - left,
-            height=bottom - top,
-            world_from_cam=torch.from_numpy(view.world_from_cam.astype(np.float32)),
-        )
-        scale = self.max_side_px / max(camera.width, camera.height)
-        if scale >= 1:
-            return camera
-        return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
 
-    def frame(self, view: View, camera: Camera) -> Frame:
-        """Decode a view into what `camera` sees.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Photographs:
+    """The lowest layer: photographs, undistorted and scaled to their cameras."""
+
+    views: tuple[View, ...]
+    cameras: tuple[Camera, ...]
+
+    def __call__(self, index: int) -> Frame:
+        """Decode a photograph.
 
         Raises:
-            FileError: a file is missing or damaged.
-            CaptureError: an image's size contradicts the intrinsics.
+            FileError: the file is missing or damaged.
+            CaptureError: its size contradicts the intrinsics.
         """
+        view, camera = self.views[index], self.cameras[index]
         image = torch.from_numpy(read_image(view.image))
         _check_size(view.image, image.shape[1], image.shape[0], view.lens)
-        depth = None if view.depth is None else self._depth(view.depth, view.lens, camera)
-        ids = None if view.ids is None else self._ids(view.ids, view.lens, camera)
-        normals = None if view.normals is None else _normals(view.normals, view.lens, camera)
-        return Frame(camera=camera, image=_colour(image, view.lens, camera), depth=depth, normals=normals, ids=ids)
+        return Frame(camera=camera, image=_colour(image, view.lens, camera))
 
-    def _depth(self, path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w"]:
-        return _nearest(path, torch.from_numpy(read_depth(path, self.depth_unit))[None], lens, camera)[0]
 
-    def _ids(self, path: Path, lens: Lens, camera: Camera) -> Int16[Tensor, "h w"]:
-        stored = read_ids(path)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WithDepth:
+    """The views of another source, with the depth images that are stored."""
+
+    below: FrameSource
+    views: tuple[View, ...]
+    depth_unit: float
+
+    def __call__(self, index: int) -> Frame:
+        """Decode a depth image.
+
+        Raises:
+            FileError: the file is missing or damaged.
+            CaptureError: it has another aspect ratio than the photograph.
+        """
+        frame, view = self.below(index), self.views[index]
+        if view.depth is None:
+            return frame
+        stored = torch.from_numpy(read_depth(view.depth, self.depth_unit))
+        return replace(frame, depth=_nearest(view.depth, stored[None], view.lens, frame.camera)[0])
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WithIds:
+    """The views of another source, with the ids that are stored."""
+
+    below: FrameSource
+    views: tuple[View, ...]
+    codes: IdCodes
+
+    def __call__(self, index: int) -> Frame:
+        """Decode an id image; raises what `WithDepth` raises."""
+        frame, view = self.below(index), self.views[index]
+        if view.ids is None:
+            return frame
+        ids = torch.from_numpy(self._meant(read_ids(view.ids))).float()
+        return replace(frame, ids=_nearest(view.ids, ids[None], view.lens, frame.camera)[0].to(torch.int16))
+
+    def _meant(self, stored: Int16[np.ndarray, "h w"]) -> Int16[np.ndarray, "h w"]:
         ids = stored.copy()
-        ids[stored == self.id_codes.background] = ROOM
-        if self.id_codes.unknown is not None:
-            ids[stored == self.id_codes.unknown] = UNLABELLED
-        if self.id_codes.values:
-            ids[~np.isin(stored, self.id_codes.values)] = UNLABELLED
-        return _nearest(path, torch.from_numpy(ids).float()[None], lens, camera)[0].to(torch.int16)
+        ids[stored == self.codes.background] = ROOM
+        if self.codes.unknown is not None:
+            ids[stored == self.codes.unknown] = UNLABELLED
+        if self.codes.values:
+            ids[~np.isin(stored, self.codes.values)] = UNLABELLED
+        return ids
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class WithNormals:
+    """The views of another source, with the normal images that are stored."""
+
+    below: FrameSource
+    views: tuple[View, ...]
+
+    def __call__(self, index: int) -> Frame:
+        """Decode a normal image; raises what `WithDepth` raises, and CaptureError where most look away."""
+        frame, view = self.below(index), self.views[index]
+        if view.normals is None:
+            return frame
+        return replace(frame, normals=_normals(view.normals, view.lens, frame.camera))
 
 
 def check_shape(path: Path, width: int, height: int, lens: Lens) -> None:
@@ -93,17 +145,10 @@ def _check_size(path: Path, width: int, height: int, lens: Lens) -> None:
 
 
 def _colour(image: UInt8[Tensor, "H W 3"], lens: Lens, camera: Camera) -> UInt8[Tensor, "h w 3"]:
-    left, top, right, bottom = kept_box(lens)
-    if lens.is_pinhole and (camera.width, camera.height) == (right - left, bottom - top):
+    if lens.is_pinhole and (camera.height, camera.width) == tuple(image.shape[:2]):
         return image
-    planes = image.permute(2, 0, 1)[None].float()
-    if not lens.is_pinhole:
-        grid = sampling_grid(lens)[None]
-        planes = F.grid_sample(planes, grid, mode="bilinear", padding_mode="border", align_corners=False)
-    if planes.shape[2:] != (camera.height, camera.width):
-        size = (camera.height, camera.width)
-        planes = F.interpolate(planes, size=size, mode="bilinear", antialias=True, align_corners=False)
-    return planes[0].permute(1, 2, 0).round().clamp(0, 255).to(torch.uint8).contiguous()
+    planes = resized(undistorted(image.permute(2, 0, 1).float(), lens, "bilinear"), camera, "bilinear")
+    return planes.permute(1, 2, 0).round().clamp(0, 255).to(torch.uint8).contiguous()
 
 
 def _normals(path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w 3"]:
@@ -122,10 +167,4 @@ def _normals(path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w 3"]:
 def _nearest(path: Path, values: Float[Tensor, "c H W"], lens: Lens, camera: Camera) -> Float[Tensor, "c h w"]:
     """Bring depth, ids or normals onto the camera's raster without mixing neighbours."""
     check_shape(path, values.shape[2], values.shape[1], lens)
-    planes = values[None]
-    if not lens.is_pinhole:
-        grid = sampling_grid(lens)[None]
-        planes = F.grid_sample(planes, grid, mode="nearest", padding_mode="border", align_corners=False)
-    if planes.shape[2:] != (camera.height, camera.width):
-        planes = F.interpolate(planes, size=(camera.height, camera.width), mode="nearest-exact")
-    return planes[0].contiguous()
+    return resized(undistorted(values, lens, "nearest"), camera, "nearest").contiguous()

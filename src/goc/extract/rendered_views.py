@@ -1,17 +1,20 @@
 """The scene as its splats show it: a capture whose depth and ids are rendered."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
+from jaxtyping import Float, Int16
 from torch import Tensor
 
 from goc.raster import CPU, render_surface
-from goc.scene.capture import UNLABELLED, Capture, Frame
+from goc.scene.cache import ViewCache
+from goc.scene.camera import Camera
+from goc.scene.capture import UNLABELLED, Capture, Frame, FrameSource
+from goc.scene.gaussians import Gaussians
 from goc.scene.reconstruction import Reconstruction
 
 _KEPT_BYTES = 512 * 2**20
-"""Rendered depth and ids kept for the next pass: of the first views, since passes go through all views in order and
-would empty a cache that drops the oldest before they come back to it."""
+"""Rendered depth and ids kept, all views together."""
 _MIN_ALPHA = 0.5
 """A pixel that is more background than splat has no depth."""
 _MAX_SPREAD = 0.02
@@ -26,20 +29,49 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture, device: tor
     photographs. What was rendered is kept, within bounds, since extraction looks at each view several times. Splats are
     drawn on `device`; the views are on the processor.
     """
-    gaussians, labels = reconstruction.gaussians.to(device), reconstruction.labels.to(device)
+    labels = reconstruction.labels
     labelled = bool((labels != UNLABELLED).any())
-    kept: dict[int, tuple[Tensor, Tensor | None]] = {}
+    drawn = SplatImages(
+        gaussians=reconstruction.gaussians.to(device), labels=labels if labelled else None, cameras=capture.cameras
+    )
+    frames = RenderedFrames(below=capture.frames, drawn=ViewCache(drawn, _KEPT_BYTES))
+    return replace(capture, frames=frames, has_depth=True, has_ids=labelled, depth_kind="metric")
 
-    def rendered(index: int) -> tuple[Tensor, Tensor | None]:
-        shown = render_surface(gaussians, labels if labelled else None, capture.cameras[index], _MIN_ALPHA)
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DepthAndIds:
+    """What the splats show in one view, on the processor."""
+
+    depth: Float[Tensor, "h w"]
+    """z, scene units; NaN where there is more background than splat."""
+    ids: Int16[Tensor, "h w"] | None
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SplatImages:
+    """Draws depth and ids of views, on the device where the splats are."""
+
+    gaussians: Gaussians
+    labels: Int16[Tensor, "n"] | None
+    cameras: tuple[Camera, ...]
+
+    def __call__(self, index: int) -> DepthAndIds:
+        """One view's."""
+        labels = None if self.labels is None else self.labels.to(self.gaussians.means.device)
+        shown = render_surface(self.gaussians, labels, self.cameras[index], _MIN_ALPHA)
         depth = torch.where(shown.mixed > _MAX_SPREAD, shown.median_depth, shown.plane_depth)
         depth = torch.where(shown.alpha >= _MIN_ALPHA, depth, torch.nan)
-        return depth.cpu(), None if shown.ids is None else shown.ids.cpu()
+        return DepthAndIds(depth=depth.cpu(), ids=None if shown.ids is None else shown.ids.cpu())
 
-    def load(index: int) -> Frame:
-        depth, ids = kept[index] if index in kept else rendered(index)
-        if (len(kept) + 1) * depth.numel() * 6 <= _KEPT_BYTES:  # float32 depth and 16-bit ids
-            kept[index] = (depth, ids)
-        return replace(capture[index], depth=depth, normals=None, ids=ids)
 
-    return replace(capture, load=load, has_depth=True, has_ids=labelled, depth_kind="metric")
+@dataclass(frozen=True, kw_only=True, eq=False)
+class RenderedFrames:
+    """The photographs of another source, with the depth and ids of splats."""
+
+    below: FrameSource
+    drawn: ViewCache[DepthAndIds]
+
+    def __call__(self, index: int) -> Frame:
+        """One view."""
+        drawn = self.drawn(index)
+        return replace(self.below(index), depth=drawn.depth, normals=None, ids=drawn.ids)

@@ -1,6 +1,6 @@
 """Which object a splat belongs to: by votes (default), or learned (paper §4.3)."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Float, Int16
@@ -9,7 +9,7 @@ from torch import Tensor
 from goc.events import Listener, Progress, ignore
 from goc.raster import rasterize
 from goc.scene.camera import Camera
-from goc.scene.capture import UNLABELLED, Capture, Frame
+from goc.scene.capture import UNLABELLED, Capture, Frame, FrameSource
 from goc.scene.gaussians import Gaussians
 
 _CHANNELS = 16
@@ -101,18 +101,34 @@ def classified_views(
 
     A splat's own feature says less: only blends of several were ever compared with a mask (docs/decisions/0032).
     """
-    device = gaussians.means.device
-    ids = torch.tensor([*names], dtype=torch.int16, device=device)
+    weights = {name: weight.detach().cpu() for name, weight in classifier.items()}
+    frames = ClassifiedFrames(
+        below=capture.frames, gaussians=gaussians.detached(), classifier=weights, names=tuple(names)
+    )
+    return replace(capture, frames=frames, has_ids=True)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ClassifiedFrames:
+    """The views of another source, with the ids that their blended features are classified as."""
+
+    below: FrameSource
+    gaussians: Gaussians
+    classifier: dict[str, Tensor]
+    names: tuple[int, ...]
+    """Ids, in the order of the classes."""
 
     @torch.no_grad()
-    def load(index: int) -> Frame:
-        frame = capture[index]
-        assert gaussians.identity is not None
-        features, alpha = rasterize(gaussians, frame.camera.to(device), gaussians.identity)
-        found = ids[classify(features.flatten(0, 1), classifier).argmax(-1)].view(alpha.shape)
+    def __call__(self, index: int) -> Frame:
+        """One view, on the processor; drawn where the splats are."""
+        frame = self.below(index)
+        assert self.gaussians.identity is not None
+        device = self.gaussians.means.device
+        features, alpha = rasterize(self.gaussians, frame.camera.to(device), self.gaussians.identity)
+        weights = {name: weight.to(device) for name, weight in self.classifier.items()}
+        classes = classify(features.flatten(0, 1), weights).argmax(-1)
+        found = torch.tensor(self.names, dtype=torch.int16, device=device)[classes].view(alpha.shape)
         return replace(frame, ids=torch.where(alpha >= _MIN_ALPHA, found, UNLABELLED).cpu())
-
-    return replace(capture, load=load, has_ids=True)
 
 
 def _winners(scores: Float[Tensor, "n k"], names: list[int], known: Tensor) -> Int16[Tensor, "n"]:

@@ -7,7 +7,7 @@ which k·D + b is stretched. NaN = not aligned.
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import torch
 from jaxtyping import Bool, Float
@@ -18,7 +18,7 @@ from goc.geometry.alignment import CELLS, align, aligned_depth, slow_errors, spr
 from goc.reconstruct.config import Monocular
 from goc.reconstruct.losses import RenderedDepth
 from goc.scene.camera import Camera
-from goc.scene.capture import Capture, DepthKind, Frame, PointCloud
+from goc.scene.capture import Capture, DepthKind, Frame, FrameSource, PointCloud
 
 ALIGNMENT = "alignment"
 SCALE, OFFSET, EPOCH, SHAPE = range(4)
@@ -76,10 +76,22 @@ def _bent(row: Float[Tensor, "r"], depth: Float[Tensor, "h w"]) -> Float[Tensor,
 
 def aligned_capture(capture: Capture, rows: Float[Tensor, "n r"]) -> Capture:
     """The capture with its depth aligned: what a depth camera would have seen, as far as is known."""
-    kind = capture.depth_kind
     some = bool(torch.isfinite(rows[:, SCALE]).any())
-    load = lambda index: aligned_frame(capture[index], rows[index], kind)  # noqa: E731
-    return replace(capture, load=load, has_depth=some, depth_kind="metric")
+    frames = AlignedFrames(below=capture.frames, rows=rows, kind=capture.depth_kind)
+    return replace(capture, frames=frames, has_depth=some, depth_kind="metric")
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class AlignedFrames:
+    """The views of another source, with their depth aligned."""
+
+    below: FrameSource
+    rows: Float[Tensor, "n r"]
+    kind: DepthKind
+
+    def __call__(self, index: int) -> Frame:
+        """One view; without depth where it is not aligned."""
+        return aligned_frame(self.below(index), self.rows[index], self.kind)
 
 
 def shape_of(frame: Frame, row: Float[Tensor, "r"], kind: DepthKind) -> Float[Tensor, "h w"]:

@@ -1,8 +1,18 @@
 """Nouns: frozen, shaped, frame-named. Metres, radians, OpenCV cameras, float32. Imports nothing else of goc."""
 
 from goc.scene.assets import SceneAssets
+from goc.scene.cache import ViewCache
 from goc.scene.camera import Camera
-from goc.scene.capture import ROOM, UNLABELLED, Capture, DepthKind, Frame, PointCloud
+from goc.scene.capture import (
+    ROOM,
+    UNLABELLED,
+    Capture,
+    DepthKind,
+    Frame,
+    FrameSource,
+    PointCloud,
+    StoredFrames,
+)
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
 from goc.scene.object import FlaggedMesh, SceneObject
@@ -21,6 +31,7 @@ __all__ = [
     "Evidence",
     "EvidenceGrid",
     "Frame",
+    "FrameSource",
     "Gaussians",
     "Mesh",
     "ObjectMesh",
@@ -31,4 +42,6 @@ __all__ = [
     "SceneObject",
     "World",
     "SceneAssets",
+    "StoredFrames",
+    "ViewCache",
 ]

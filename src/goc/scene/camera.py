@@ -1,7 +1,9 @@
 """A posed pinhole camera."""
 
 from dataclasses import dataclass, replace
+from typing import Any
 
+import numpy as np
 import torch
 from jaxtyping import Float
 from torch import Tensor
@@ -39,9 +41,24 @@ class Camera:
         moved = {name: getattr(self, name).to(device) for name in ("focal_px", "centre_px", "world_from_cam")}
         return replace(self, **moved)
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Sent as arrays, and arrives on the processor: of a tensor, torch would send a handle of an open file each."""
+        tensors = (self.focal_px, self.centre_px, self.world_from_cam)
+        return _camera_of, (self.width, self.height, *(tensor.detach().cpu().numpy() for tensor in tensors))
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same view on another pixel raster."""
         scale = torch.tensor([width / self.width, height / self.height], dtype=self.focal_px.dtype)
         return replace(
             self, focal_px=self.focal_px * scale, centre_px=self.centre_px * scale, width=width, height=height
         )
+
+
+def _camera_of(width: int, height: int, focal_px: np.ndarray, centre_px: np.ndarray, pose: np.ndarray) -> Camera:
+    return Camera(
+        focal_px=torch.tensor(focal_px),
+        centre_px=torch.tensor(centre_px),
+        width=width,
+        height=height,
+        world_from_cam=torch.tensor(pose),
+    )

@@ -1,8 +1,8 @@
 """What was photographed: posed images, with depth and instance ids where there are any."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Float32, Int16, UInt8
@@ -36,6 +36,31 @@ class Frame:
     """0 = room, 1… = objects, UNLABELLED (-1) = unknown."""
 
 
+@runtime_checkable
+class FrameSource(Protocol):
+    """Where views come from: a function of the view's index, 0 ≤ index < number of views.
+
+    Sources are built in layers, each a frozen dataclass that holds the layer below and its own data: paths, numbers,
+    arrays, never a closure, so that a capture can be sent to another process (docs/decisions/0033). Their frames are
+    shared by all who ask, and are not written into. They may be called from several threads.
+    """
+
+    def __call__(self, index: int) -> Frame:
+        """One view, decoded or computed now or earlier."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class StoredFrames:
+    """Views that are in memory: the lowest layer of a capture that comes from arrays instead of files."""
+
+    views: tuple[Frame, ...]
+
+    def __call__(self, index: int) -> Frame:
+        """One view."""
+        return self.views[index]
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PointCloud:
     """Coloured points, such as the sparse points of structure from motion."""
@@ -47,12 +72,16 @@ class PointCloud:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Capture:
-    """A set of posed views. Images are decoded by `load` when asked for, through the reader's bounded cache."""
+    """A set of posed views. Images are decoded by `frames` when asked for, through bounded caches.
+
+    It can be pickled, and so sent to a worker process at every stage: without the images that were decoded.
+    """
 
     cameras: tuple[Camera, ...]
     view_names: tuple[str, ...]
     """What errors and reports call each view: its image path inside the capture."""
-    load: Callable[[int], Frame]
+    frames: FrameSource
+    """Decodes or computes a view. Ask `capture[index]`, which counts negative indices from the end."""
     has_depth: bool
     """Some view has depth, of any kind; a single view may still lack it."""
     has_ids: bool
@@ -75,7 +104,7 @@ class Capture:
         return len(self.cameras)
 
     def __getitem__(self, index: int) -> Frame:
-        return self.load(index)
+        return self.frames(range(len(self))[index])
 
     def __iter__(self) -> Iterator[Frame]:
-        return (self.load(index) for index in range(len(self)))
+        return (self.frames(index) for index in range(len(self)))

@@ -1,6 +1,7 @@
 """The scene as 3D Gaussians."""
 
 from dataclasses import dataclass, fields
+from typing import Any
 
 import torch
 from jaxtyping import Float
@@ -44,7 +45,17 @@ class Gaussians:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return Gaussians(**{name: None if value is None else value.to(device) for name, value in values.items()})
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Sent through the processor and back onto the device: a handle of its memory would die with the sender."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        sent = {name: None if value is None else value.detach().cpu() for name, value in values.items()}
+        return _on_device, (sent, self.means.device)
+
     def detached(self) -> "Gaussians":
         """The same numbers outside any autograd graph."""
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return Gaussians(**{name: None if value is None else value.detach() for name, value in values.items()})
+
+
+def _on_device(values: dict[str, Tensor | None], device: torch.device) -> Gaussians:
+    return Gaussians(**values).to(device)  # pyright: ignore[reportArgumentType]: only identity may be None

@@ -13,13 +13,13 @@ from goc.priors.segmentation import SegmentConfig, segment
 def share_matched(folder: Path, step: int) -> float:
     """Share of the given objects that one found object overlaps by half (intersection over union of pixels)."""
     views = load_capture(folder)
-    load = views.load
+    whole = views
     kept = range(0, len(views), step)
     views = replace(
         views,
         cameras=tuple(views.cameras[index] for index in kept),
         view_names=tuple(views.view_names[index] for index in kept),
-        load=lambda index: load(kept[index]),
+        frames=lambda index: whole[kept[index]],
     )
     found = segment(views, SegmentConfig())
     a = np.concatenate([frame.ids.where(frame.depth.isfinite(), -1).numpy().ravel() for frame in views])

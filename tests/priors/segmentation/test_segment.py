@@ -9,7 +9,7 @@ from goc.errors import SegmentError
 from goc.events import Progress, Warned
 from goc.priors.segmentation import SegmentConfig, segment
 from goc.priors.segmentation.surface_voxels import back_project
-from goc.scene import ROOM, UNLABELLED, Capture
+from goc.scene import ROOM, UNLABELLED, Capture, StoredFrames
 
 CONFIG = SegmentConfig()
 FURNISHED = {
@@ -87,7 +87,7 @@ def test_order_of_views_does_not_matter(furnished):
         furnished,
         cameras=tuple(furnished.cameras[i] for i in order),
         view_names=tuple(furnished.view_names[i] for i in order),
-        load=lambda index: furnished.load(order[index]),
+        frames=lambda index: furnished.frames(order[index]),
     )
     straight, turned = segment(furnished, CONFIG), segment(shuffled, CONFIG)
     for place, index in enumerate(order):
@@ -112,7 +112,7 @@ def test_a_point_has_one_id_in_all_views(furnished):
 
 def test_ids_given_before_play_no_part(furnished):
     blind = replace(
-        furnished, load=lambda index: replace(furnished.load(index), ids=None), has_ids=False, id_names={7: "mug"}
+        furnished, frames=lambda index: replace(furnished.frames(index), ids=None), has_ids=False, id_names={7: "mug"}
     )
     with_ids, without = segment(furnished, CONFIG), segment(blind, CONFIG)
     assert without.has_ids
@@ -122,14 +122,14 @@ def test_ids_given_before_play_no_part(furnished):
 
 def test_pixels_and_views_without_depth_stay_unlabelled(furnished):
     def load(index):
-        frame = furnished.load(index)
+        frame = furnished.frames(index)
         if index == 1:
             return replace(frame, depth=None)
         depth = frame.depth.clone()
         depth[:, :40] = torch.nan
         return replace(frame, depth=depth)
 
-    found = segment(replace(furnished, load=load), CONFIG)
+    found = segment(replace(furnished, frames=load), CONFIG)
     assert (found[1].ids == UNLABELLED).all()
     assert (found[0].ids[:, :40] == UNLABELLED).all()
     seen = found[0].depth.isfinite()
@@ -198,13 +198,13 @@ def test_a_scene_without_planes_still_parts():
     ]
     cameras = tuple(replace(camera, focal_px=torch.tensor([128.0, 128.0])) for camera in bare.cameras)
     frames = [replace(frame, camera=camera) for frame, camera in zip(frames, cameras, strict=True)]
-    found = segment(replace(bare, cameras=cameras, load=frames.__getitem__), CONFIG)
+    found = segment(replace(bare, cameras=cameras, frames=StoredFrames(tuple(frames))), CONFIG)
     ids = np.unique(np.concatenate([found[i].ids.numpy().ravel() for i in range(len(found))]))
     assert ids.tolist() == [UNLABELLED, ROOM, 1]
 
 
 def test_no_depth_is_refused(furnished):
-    blind = replace(furnished, load=lambda index: replace(furnished.load(index), depth=None), has_depth=False)
+    blind = replace(furnished, frames=lambda index: replace(furnished.frames(index), depth=None), has_depth=False)
     with pytest.raises(SegmentError, match=r"none of the 14 views has metric depth \(first: images/000.png\).*Give"):
         segment(blind, CONFIG)
 
@@ -212,31 +212,31 @@ def test_no_depth_is_refused(furnished):
 def test_depth_that_is_all_nan_is_refused(furnished):
     empty = torch.full((120, 160), torch.nan)
     with pytest.raises(SegmentError, match="none of the 14 views has metric depth"):
-        segment(replace(furnished, load=lambda index: replace(furnished.load(index), depth=empty)), CONFIG)
+        segment(replace(furnished, frames=lambda index: replace(furnished.frames(index), depth=empty)), CONFIG)
 
 
 def test_depth_without_a_surface_is_refused(furnished):
     wild = torch.rand(120, 160, generator=torch.Generator().manual_seed(0)) * 5 + 0.1
     wild[::2] = torch.nan
     with pytest.raises(SegmentError, match="depth of the 14 views .* shows no continuous surface. Check its unit"):
-        segment(replace(furnished, load=lambda index: replace(furnished.load(index), depth=wild)), CONFIG)
+        segment(replace(furnished, frames=lambda index: replace(furnished.frames(index), depth=wild)), CONFIG)
 
 
 def test_wild_outliers_do_no_harm(furnished):
     def load(index):
-        frame = furnished.load(index)
+        frame = furnished.frames(index)
         depth = frame.depth.clone()
         depth[:8, :8], depth[8:16, :8], depth[16:24, :8] = 1e30, -4.0, torch.inf
         return replace(frame, depth=depth)
 
-    found = segment(replace(furnished, load=load), CONFIG)
+    found = segment(replace(furnished, frames=load), CONFIG)
     best = matches(furnished, found)
     assert min(score for _, score in best.values()) > 0.85
     assert (found[0].ids[:24, :8] == UNLABELLED).all()
 
 
 def test_one_view_is_enough_to_try(furnished):
-    alone = replace(furnished, cameras=furnished.cameras[5:6], view_names=("a",), load=lambda index: furnished.load(5))
+    alone = replace(furnished, cameras=furnished.cameras[5:6], view_names=("a",), frames=StoredFrames((furnished[5],)))
     ids = segment(alone, CONFIG)[0].ids
     assert (ids == ROOM).any()
     assert (ids > 0).any()

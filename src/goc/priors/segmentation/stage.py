@@ -1,7 +1,6 @@
 """Capture → the same capture with ids: things told apart by geometry alone."""
 
-from dataclasses import replace
-from functools import lru_cache
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -9,12 +8,12 @@ from jaxtyping import Int16
 from torch import Tensor
 
 from goc.events import Listener, Warned, ignore
-from goc.priors.segmentation.cluster import SegmentedObjects, find_objects
+from goc.priors.segmentation.cluster import find_objects
 from goc.priors.segmentation.config import SegmentConfig
 from goc.priors.segmentation.id_field import IdField
 from goc.priors.segmentation.room_planes import find_room_planes
 from goc.priors.segmentation.surface_voxels import back_project, by_name, depth_of, fuse_depth, thinned
-from goc.scene import ROOM, UNLABELLED, Capture, Frame
+from goc.scene import ROOM, UNLABELLED, Capture, Frame, FrameSource, ViewCache
 
 REACH = (2.0, 4.0)
 """A pixel's point may lie three noises off the surface, but at least and at most so many voxels."""
@@ -48,24 +47,35 @@ def segment(views: Capture, config: SegmentConfig, notify: Listener = ignore) ->
         notify(Warned(stage="segment", message=message))
     reach = float(np.clip(3.0 * room.noise / surface.voxel, *REACH))
     field = IdField(surface, things.ids, reach)
-    return _labelled(views, field, things)
+    frames = SegmentedFrames(below=views.frames, ids=ViewCache(FieldIds(below=views.frames, field=field), CACHE_BYTES))
+    return replace(views, frames=frames, has_ids=True, id_names={ROOM: "room", **things.names})
 
 
-def _labelled(views: Capture, field: IdField, things: SegmentedObjects) -> Capture:
-    """The capture with ids looked up in the field."""
-    size = max((2 * camera.width * camera.height for camera in views.cameras), default=1)
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FieldIds:
+    """Ids of a view's pixels: those of their points in the field."""
 
-    @lru_cache(maxsize=max(1, CACHE_BYTES // size))
-    def ids_of(index: int) -> Int16[Tensor, "h w"]:
-        camera = views.cameras[index]
-        ids = np.full((camera.height, camera.width), UNLABELLED, np.int16)
-        z = depth_of(views, index)
+    below: FrameSource
+    field: IdField
+
+    def __call__(self, index: int) -> Int16[Tensor, "h w"]:
+        """Ids of one view; UNLABELLED where there is no depth."""
+        frame = self.below(index)
+        ids = np.full((frame.camera.height, frame.camera.width), UNLABELLED, np.int16)
+        z = depth_of(frame)
         if z is not None:
             seen = np.isfinite(z)
-            ids[seen] = field(back_project(z, camera)[seen])
+            ids[seen] = self.field(back_project(z, frame.camera)[seen])
         return torch.from_numpy(ids)
 
-    def load(index: int) -> Frame:
-        return replace(views.load(index), ids=ids_of(index).clone())
 
-    return replace(views, load=load, has_ids=True, id_names={ROOM: "room", **things.id_names})
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SegmentedFrames:
+    """The views of another source, with the ids that were found."""
+
+    below: FrameSource
+    ids: ViewCache[Tensor]
+
+    def __call__(self, index: int) -> Frame:
+        """One view."""
+        return replace(self.below(index), ids=self.ids(index).clone())

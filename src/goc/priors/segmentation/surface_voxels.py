@@ -11,7 +11,7 @@ from goc.errors import SegmentError
 from goc.events import Listener, Progress
 from goc.geometry.voxels import HALF, cells_of, find_keys, pack_cells, sum_by_key
 from goc.priors.segmentation.config import SegmentConfig
-from goc.scene import Camera, Capture
+from goc.scene import Camera, Capture, Frame
 
 MARGIN = 16
 """Cells kept free at the border of what keys can hold, for steps to neighbours."""
@@ -103,12 +103,11 @@ def back_project(depth: Float[np.ndarray, "h w"], camera: Camera, stride: int = 
     return rays * z[..., None] + pose[:3, 3]
 
 
-def depth_of(views: Capture, index: int) -> Float[np.ndarray, "h w"] | None:
+def depth_of(frame: Frame) -> Float[np.ndarray, "h w"] | None:
     """Depth of a view as float64, NaN where there is none or it is not positive; None if the view has none at all."""
-    depth = views.load(index).depth
-    if depth is None:
+    if frame.depth is None:
         return None
-    z = depth.detach().cpu().double().numpy()
+    z = frame.depth.detach().cpu().double().numpy()
     return np.where(np.isfinite(z) & (z > 0), z, np.nan)
 
 
@@ -151,7 +150,7 @@ def _resolution(views: Capture, kept: list[int], config: SegmentConfig) -> tuple
     """Voxel edge in scene units and pixel stride, from the median depth of some views."""
     medians, footprints = [], []
     for index in kept[:: max(1, len(kept) // 12)] if views.has_metric_depth else []:
-        z = depth_of(views, index)
+        z = depth_of(views[index])
         if z is not None and np.isfinite(z).any():
             medians.append(float(np.nanmedian(z)))
             footprints.append(medians[-1] / float(views.cameras[index].focal_px.max()))
@@ -173,7 +172,7 @@ def _resolution(views: Capture, kept: list[int], config: SegmentConfig) -> tuple
 
 def _splat_view(views: Capture, index: int, voxel: float, stride: int) -> tuple[np.ndarray, np.ndarray]:
     """Keys and sums (point 3, normal 3, samples, views) of the voxels that one view sees."""
-    z = depth_of(views, index)
+    z = depth_of(views[index])
     if z is None:
         return np.zeros(0, np.int64), np.zeros((0, 8))
     z = without_pinholes(z)

@@ -1,12 +1,13 @@
 from concurrent.futures import ThreadPoolExecutor
+from multiprocessing.reduction import ForkingPickler
 
 import pytest
 import torch
 
 from captures import write_nerfstudio
 from goc.capture import CaptureConfig, load_capture
-from goc.capture.cache import FrameCache, bytes_of
-from goc.scene import Camera, Frame
+from goc.scene import Camera, Frame, StoredFrames, ViewCache
+from goc.scene.cache import bytes_of
 
 
 def frame(index):
@@ -15,26 +16,26 @@ def frame(index):
 
 
 class Counting:
-    def __init__(self):
-        self.calls = []
+    def __init__(self, compute=frame):
+        self.calls, self.compute = [], compute
 
     def __call__(self, index):
         self.calls.append(index)
-        return frame(index)
+        return self.compute(index)
 
 
-def test_views_within_the_budget_are_decoded_once():
+def test_views_within_the_budget_are_computed_once():
     decode = Counting()
-    cache = FrameCache(decode, count=3, budget=900)
-    for index in (0, 1, 2, 0, -3, 2):
-        assert cache(index).image[0, 0, 0] == index % 3
+    cache = ViewCache(decode, budget=900)
+    for index in (0, 1, 2, 0, 2):
+        assert cache(index).image[0, 0, 0] == index
     assert decode.calls == [0, 1, 2]
     assert cache.held == 900
 
 
 def test_views_beyond_the_budget_take_turns_and_the_first_ones_stay():
     decode = Counting()
-    cache = FrameCache(decode, count=6, budget=600)
+    cache = ViewCache(decode, budget=600)
     for index in (0, 1, 2, 3, 2, 4, 2, 0, 1):  # 2 and 3 are the fresh ones, then 3 and 4
         assert cache(index).image[0, 0, 0] == index
     assert decode.calls == [0, 1, 2, 3, 4, 2]
@@ -43,7 +44,7 @@ def test_views_beyond_the_budget_take_turns_and_the_first_ones_stay():
 
 def test_going_through_all_views_finds_as_many_as_fit():
     decode = Counting()
-    cache = FrameCache(decode, count=10, budget=900)
+    cache = ViewCache(decode, budget=900)
     for _ in range(4):
         for index in range(10):
             cache(index)
@@ -52,18 +53,32 @@ def test_going_through_all_views_finds_as_many_as_fit():
 
 def test_without_a_budget_a_step_still_decodes_its_two_views_once():
     decode = Counting()
-    cache = FrameCache(decode, count=9, budget=0)
+    cache = ViewCache(decode, budget=0)
     for index in (7, 3, 7, 3):
         cache(index)
     assert decode.calls == [7, 3]
     assert cache.held == 0
 
 
-def test_views_that_are_not_there_are_index_errors():
-    cache = FrameCache(frame, count=2, budget=0)
-    for index in (2, -3):
-        with pytest.raises(IndexError):
-            cache(index)
+def test_images_are_kept_as_frames_are():
+    """What is in the cache is told by its index, not by its value: an image of zeros is as good as any."""
+    compute = Counting(lambda index: torch.zeros(4, 5, dtype=torch.int16))
+    cache = ViewCache(compute, budget=100)
+    for index in (0, 1, 2, 3, 0, 1, 2, 3):
+        assert cache(index).shape == (4, 5)
+    assert compute.calls == [0, 1, 2, 3]
+    assert cache.held == 80
+
+
+def test_a_cache_that_is_sent_arrives_empty_with_its_budget():
+    cache = ViewCache(StoredFrames(tuple(frame(index) for index in range(3))), budget=600)
+    for index in range(3):
+        cache(index)
+    arrived = ForkingPickler.loads(ForkingPickler.dumps(cache))
+    assert cache.held == 600 and arrived.held == 0
+    for index in (0, 1, 2, 0):
+        assert torch.equal(arrived(index).image, frame(index).image)
+    assert arrived.held == 600
 
 
 def test_many_threads_get_the_right_views(tmp_path):
@@ -72,6 +87,11 @@ def test_many_threads_get_the_right_views(tmp_path):
     with ThreadPoolExecutor(4) as pool:
         for index, got in enumerate(pool.map(lambda number: capture[number % 6], range(60))):
             assert torch.equal(got.image, expected[index % 6])
+
+
+@pytest.mark.parametrize(("value", "expected"), [(torch.zeros(5, 7), 140), (frame(0), 300)])
+def test_bytes_are_those_of_tensors(value, expected):
+    assert bytes_of(value) == expected
 
 
 def test_bytes_count_every_image(tmp_path):
