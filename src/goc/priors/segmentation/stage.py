@@ -48,7 +48,7 @@ def segment(views: Capture, config: SegmentConfig, notify: Listener = ignore) ->
     reach = float(np.clip(3.0 * room.noise / surface.voxel, *REACH))
     field = IdField(surface, things.ids, reach)
     frames = SegmentedFrames(below=views.frames, ids=ViewCache(FieldIds(below=views.frames, field=field), CACHE_BYTES))
-    return replace(views, frames=frames, has_ids=True, id_names={ROOM: "room", **things.names})
+    return replace(views, frames=frames, has_ids=True, id_names={ROOM: "room", **things.id_names})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
