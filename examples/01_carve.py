@@ -40,10 +40,7 @@ def main(folder: Path) -> None:
     )
     scene = carve(room, carved, config, notify=tell)
 
-    print(f"{len(scene.reconstruction.gaussians):,} splats")
-    for item in scene.completed:
-        sides = " x ".join(f"{side:.2f}" for side in item.mesh.vertices.max(0) - item.mesh.vertices.min(0))
-        print(f"object {item.id}, {item.label}: {sides} m, {item.observed.mean():.0%} of its vertices measured")
+    print(f"{len(scene.objects)} objects: {', '.join(str(item.id) for item in scene.objects)}")
     print(f"look at {carved / 'overview.png'}")
 
 

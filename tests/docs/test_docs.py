@@ -89,15 +89,11 @@ def test_the_tree_is_that_of_the_folders():
         above = [*above[:indent], name]
         listed.append("".join(above))
         assert name == "src/goc/" or len(line.split()) > 3, f"{name}: says nothing"
-    ignored = {"__pycache__"}
-    folders = [
-        str(path.relative_to(ROOT)) + "/"
-        for top in (ROOT / "native", ROOT / "src/goc")
-        for path in (top, *top.rglob("*"))
-        if path.is_dir() and path.name not in ignored
-    ]
-    modules = [f"src/goc/{path.name}" for path in (ROOT / "src/goc").glob("*.py") if path.name != "__init__.py"]
-    assert sorted(listed) == sorted(folders + modules)
+    files = [path for top in ("native", "src/goc") for path in (ROOT / top).rglob("*") if path.is_file()]
+    folders = {f"{path.parent.relative_to(ROOT)}/" for path in files if path.parent.name != "__pycache__"}
+    modules = {f"src/goc/{path.name}" for path in (ROOT / "src/goc").glob("*.py") if path.name != "__init__.py"}
+    assert set(listed) - (folders | modules) == set(), "in the tree, but not there"
+    assert (folders | modules) - set(listed) == set(), "there, but not in the tree"
 
 
 def test_the_layers_are_those_that_are_enforced():
