@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import torch
 
-from goc.scene import ROOM, Camera, Capture, Frame, StoredFrames
+from cameras import capture_of, grey, looking_at, pinhole
+from goc.scene import ROOM, Capture, Frame
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]
 FLOOR: Box = ((-2.0, -2.0, -0.2), (2.0, 2.0, 0.0))
@@ -46,13 +47,7 @@ def orbit(count: int = 14) -> list[np.ndarray]:
     for index, angle in enumerate(np.linspace(-2.8, -0.35, count)):
         far, height = ((2.6, 1.8), (1.7, 1.2))[index % 2]
         position = np.array([far * np.cos(angle), 0.4 + far * np.sin(angle), height])
-        forward = np.array([0.0, 0.7, 0.35]) - position
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3] = np.stack([right, np.cross(forward, right), forward, position], 1)
-        made.append(pose)
+        made.append(looking_at(position, (0.0, 0.7, 0.35)))
     return made
 
 
@@ -83,29 +78,14 @@ def box_room(
     """A capture of the boxes and the shell, its true ids in `ids`; `noise` is in the units of the room."""
     width, height = size
     focal = 0.85 * width
-    cameras, frames = [], []
+    frames = []
     for index, pose in enumerate(poses or orbit()):
         depth, ids = shoot({**SHELL, **boxes}, pose, focal, width, height)
         depth = depth + noise * np.random.default_rng(index).standard_normal(depth.shape)
         turned = np.eye(4)
         turned[:3, :3] = moved.rotation @ pose[:3, :3]
         turned[:3, 3] = moved.scale * moved.rotation @ pose[:3, 3]
-        camera = Camera(
-            focal_px=torch.tensor([focal, focal]),
-            centre_px=torch.tensor([width / 2, height / 2]),
-            width=width,
-            height=height,
-            world_from_cam=torch.tensor(turned, dtype=torch.float32),
-        )
-        cameras.append(camera)
-        image = torch.zeros(height, width, 3, dtype=torch.uint8)
+        camera = pinhole(focal, size, pose=turned)
         z = torch.tensor(moved.scale * depth, dtype=torch.float32)
-        frames.append(Frame(camera=camera, image=image, depth=z, ids=torch.tensor(ids, dtype=torch.int16)))
-    return Capture(
-        cameras=tuple(cameras),
-        view_names=tuple(f"images/{index:03d}.png" for index in range(len(frames))),
-        frames=StoredFrames(tuple(frames)),
-        has_depth=True,
-        has_ids=True,
-        units_per_metre=moved.scale,
-    )
+        frames.append(Frame(camera=camera, image=grey(camera, 0), depth=z, ids=torch.tensor(ids, dtype=torch.int16)))
+    return capture_of(frames, units_per_metre=moved.scale)

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from cameras import looking_at
 from goc.capture.source import Lens
 from goc.files import write_depth, write_ids, write_normals, write_png, write_points
 from goc.scene import PointCloud
@@ -36,14 +37,7 @@ def poses(count: int = 6) -> list[np.ndarray]:
     made = []
     for angle in np.linspace(0.3, 2 * np.pi - 0.5, count):
         position = np.array([2.0 + 1.7 * np.cos(angle), 1.5 + 1.2 * np.sin(angle), 1.5 + 0.2 * np.sin(3 * angle)])
-        forward = np.array([2.0, 1.4, 0.5]) - position
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0, 0, 1])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], 1)
-        pose[:3, 3] = position
-        made.append(pose)
+        made.append(looking_at(position, (2.0, 1.4, 0.5)))
     return made
 
 

@@ -4,8 +4,9 @@ from types import SimpleNamespace
 
 import torch
 
+from cameras import pinhole
 from goc import _native
-from goc.scene import Camera, Gaussians
+from goc.scene import Gaussians
 from oracles import splatting
 
 
@@ -20,13 +21,7 @@ def rasterization(
     assert (near_plane, eps2d, packed, channel_chunk) == (_native.NEAR, _native.DILATION, False, 32)
     drawn = []
     for view, matrix, own in zip(viewmats, Ks, colors, strict=True):
-        camera = Camera(
-            focal_px=matrix.diagonal()[:2],
-            centre_px=matrix[:2, 2],
-            width=width,
-            height=height,
-            world_from_cam=torch.linalg.inv(view),
-        )
+        camera = pinhole(matrix.diagonal()[:2], (width, height), matrix[:2, 2], torch.linalg.inv(view))
         splats = Gaussians(
             means=means.double(),
             quats=quats.double(),

@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cameras import ring
 from captures import poses
 from goc.capture.poses import PoseError, rigid
 from goc.capture.scale import guess_unit
@@ -27,14 +28,10 @@ def test_any_numbers_give_a_pose_or_a_pose_error(rows):
 
 @pytest.mark.parametrize("scale", [0.1, 1.0, 25.0])
 def test_a_circle_round_an_object_counts_as_two_metres(scale):
-    ring = []
-    for angle in np.linspace(0, 5, 12):
-        forward = np.array([-np.cos(angle), -np.sin(angle), 0])
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([np.cross(forward, [0, 0, 1]), [0, 0, -1], forward], 1)
-        pose[:3, 3] = -forward * 2 * scale + [7, 8, 9]
-        ring.append(pose)
-    assert guess_unit(ring) == pytest.approx(scale)
+    poses = ring(np.linspace(0, 5, 12), 2 * scale)
+    for pose in poses:
+        pose[:3, 3] += (7, 8, 9)
+    assert guess_unit(poses) == pytest.approx(scale)
 
 
 def test_parallel_axes_fall_back_to_the_length_of_the_path():

@@ -2,26 +2,18 @@
 
 import numpy as np
 import pytest
-import torch
 
 from assets import box_mesh
+from cameras import pinhole, placed
 from goc.evaluation.culling import RefusionConfig, cull_to_frustums, fuse_renders
 from goc.evaluation.protocols.phyrecon import voxel_means
-from goc.scene import Camera, Mesh
+from goc.scene import Mesh
 from solids import cuboid, joined
 
 
-def camera(at=(0.0, 0.0, 0.0), size=64, focal=64.0):
+def camera(at=(0.0, 0.0, 0.0)):
     """Looks along +z from `at`."""
-    pose = torch.eye(4)
-    pose[:3, 3] = torch.tensor(at)
-    return Camera(
-        focal_px=torch.tensor([focal, focal]),
-        centre_px=torch.tensor([size / 2, size / 2]),
-        width=size,
-        height=size,
-        world_from_cam=pose,
-    )
+    return pinhole(64.0, (64, 64), pose=placed(at))
 
 
 def board(depth, half=0.5):

@@ -7,6 +7,7 @@ import pytest
 import torch
 
 from boxrooms import Pose, box_room, cube, table
+from cameras import looking_at
 from goc.errors import ConfigError, ExtractError
 from goc.events import Progress, Warned
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
@@ -27,13 +28,7 @@ def all_round(count=16):
     made = []
     for index, angle in enumerate(np.linspace(0, 2 * np.pi, count, endpoint=False)):
         position = np.array([0.1 + 1.2 * np.cos(angle), 0.65 + 1.2 * np.sin(angle), (1.4, 0.8)[index % 2]])
-        forward = np.array([0.1, 0.65, 0.6]) - position
-        forward /= np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        pose = np.eye(4)
-        pose[:3] = np.stack([right, np.cross(forward, right), forward, position], 1)
-        made.append(pose)
+        made.append(looking_at(position, (0.1, 0.65, 0.6)))
     return made
 
 

@@ -9,10 +9,11 @@ import pytest
 import torch
 
 from boxrooms import box_room, cube, table
+from cameras import pinhole
 from goc import _native
 from goc.fusion.depth_views import depth_view
 from goc.fusion.volume import BlockGrid, Volume
-from goc.scene import Camera, Frame
+from goc.scene import Frame
 from oracles import fusion
 
 VOXEL = 0.03
@@ -149,14 +150,7 @@ def plane_view(normal, distance, size=32, focal=60.0):
     rays = np.stack([u / focal, v / focal, np.ones_like(u)], -1)
     depth = distance / (rays @ np.asarray(normal))
     cosine = np.abs(rays @ np.asarray(normal)) / np.linalg.norm(rays, axis=-1)
-    camera = Camera(
-        focal_px=torch.tensor([focal, focal]),
-        centre_px=torch.tensor([size / 2, size / 2]),
-        width=size,
-        height=size,
-        world_from_cam=torch.eye(4),
-    )
-    return camera, depth, cosine
+    return pinhole(focal, (size, size)), depth, cosine
 
 
 @pytest.mark.parametrize("normal", [(0.0, 0.0, 1.0), (0.6, 0.0, 0.8), (0.36, -0.48, 0.8)])

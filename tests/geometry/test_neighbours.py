@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 
+from cameras import pinhole, placed
 from goc.geometry.neighbours import PairLimits, neighbour_views
 from goc.scene import Camera
 
@@ -15,22 +16,7 @@ LIMITS = PairLimits(max_angle_deg=30.0, min_baseline=0.1, max_baseline=1.0, dept
 
 def camera(x: float = 0.0, yaw_deg: float = 0.0, z: float = 0.0) -> Camera:
     """A camera at (x, 0, z) that looks along z, turned about y; 90° wide."""
-    turned = math.radians(yaw_deg)
-    pose = torch.eye(4)
-    pose[0, 0], pose[0, 2], pose[2, 0], pose[2, 2] = (
-        math.cos(turned),
-        math.sin(turned),
-        -math.sin(turned),
-        math.cos(turned),
-    )
-    pose[:3, 3] = torch.tensor([x, 0.0, z])
-    return Camera(
-        focal_px=torch.tensor([50.0, 50.0]),
-        centre_px=torch.tensor([50.0, 40.0]),
-        width=100,
-        height=80,
-        world_from_cam=pose,
-    )
+    return pinhole(50.0, (100, 80), pose=placed((x, 0.0, z), math.radians(yaw_deg)))
 
 
 def test_the_most_alike_in_direction_come_first():

@@ -4,25 +4,17 @@ import numpy as np
 import pytest
 import torch
 
+from cameras import pinhole
 from goc.geometry.normals import fitted_normals, fitting_radius, normals_from_depth
 from goc.geometry.rays import pixel_rays, points_from_depth
-from goc.scene import Camera
 from oracles import normals as oracle
 
-
-def camera() -> Camera:
-    return Camera(
-        focal_px=torch.tensor([60.0, 64.0]),
-        centre_px=torch.tensor([31.0, 25.0]),
-        width=64,
-        height=48,
-        world_from_cam=torch.eye(4),
-    )
+VIEW = pinhole((60.0, 64.0), centre=(31.0, 25.0))
 
 
 def plane(normal: torch.Tensor, distance: float) -> torch.Tensor:
     """z depth of the plane normal·x = -distance (it faces the camera when normal·z < 0)."""
-    return -distance / (pixel_rays(camera()) @ normal)
+    return -distance / (pixel_rays(VIEW) @ normal)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, -1.0), (0.3, -0.2, -1.0), (-0.4, 0.5, -0.9)])
@@ -30,22 +22,22 @@ def plane(normal: torch.Tensor, distance: float) -> torch.Tensor:
 def test_normals_of_a_plane(direction, radius):
     normal = torch.nn.functional.normalize(torch.tensor(direction), dim=0)
     depth = plane(normal, 2.0)
-    for normals in (normals_from_depth(depth, camera()), fitted_normals(depth, camera(), radius)):
+    for normals in (normals_from_depth(depth, VIEW), fitted_normals(depth, VIEW, radius)):
         inner = normals[4:-4, 4:-4]
         assert (inner @ normal).min().item() == pytest.approx(1.0, abs=1e-4)
-    assert torch.isnan(normals_from_depth(depth, camera())[0]).all()
+    assert torch.isnan(normals_from_depth(depth, VIEW)[0]).all()
 
 
 def test_points_from_depth_lie_on_the_plane():
     normal = torch.nn.functional.normalize(torch.tensor([0.3, -0.2, -1.0]), dim=0)
-    points = points_from_depth(plane(normal, 2.0), camera())
+    points = points_from_depth(plane(normal, 2.0), VIEW)
     assert torch.allclose(points @ normal, torch.full((48, 64), -2.0), atol=1e-5)
 
 
 def test_fitted_normals_stay_on_one_side_of_an_edge():
     depth = torch.full((48, 64), 2.0)
     depth[:, 32:] = 3.0
-    normals = fitted_normals(depth, camera(), 2)
+    normals = fitted_normals(depth, VIEW, 2)
     known = torch.isfinite(normals).all(-1)
     assert known[4:-4, 4:-4].all()
     assert normals[known][:, 2].max() < -0.999
@@ -56,17 +48,17 @@ def test_fitting_radius_grows_with_noise():
     noise = torch.randn(48, 64, generator=generator)
     normal = torch.nn.functional.normalize(torch.tensor([0.1, 0.1, -1.0]), dim=0)
     depth = plane(normal, 2.0)
-    radii = [fitting_radius(depth + sigma * noise, camera()) for sigma in (0.0, 0.006, 0.05)]
+    radii = [fitting_radius(depth + sigma * noise, VIEW) for sigma in (0.0, 0.006, 0.05)]
     assert radii[0] == 1 and radii[-1] == 4 and radii == sorted(radii)
-    fitted = fitted_normals(depth + 0.006 * noise, camera(), radii[1])[5:-5, 5:-5]
-    plain = normals_from_depth(depth + 0.006 * noise, camera())[5:-5, 5:-5]
+    fitted = fitted_normals(depth + 0.006 * noise, VIEW, radii[1])[5:-5, 5:-5]
+    plain = normals_from_depth(depth + 0.006 * noise, VIEW)[5:-5, 5:-5]
     assert (fitted @ normal).nanmean() > (plain @ normal).nanmean()
 
 
 def test_missing_depth_has_no_normal():
     depth = torch.full((48, 64), torch.nan)
-    assert torch.isnan(fitted_normals(depth, camera(), 2)).all()
-    assert fitting_radius(depth, camera()) == 1
+    assert torch.isnan(fitted_normals(depth, VIEW, 2)).all()
+    assert fitting_radius(depth, VIEW) == 1
 
 
 @pytest.mark.parametrize("radius", [1, 3])
@@ -76,8 +68,8 @@ def test_fitted_normals_match_the_oracle(radius):
     depth = plane(torch.nn.functional.normalize(torch.tensor([0.3, -0.2, -1.0]), dim=0), 2.0) + bumps
     depth[10:14, 20:30] = torch.nan
     depth[30:, 40:] += 1.0
-    fast = fitted_normals(depth, camera(), radius).numpy()
-    points = points_from_depth(depth, camera()).double().numpy()
+    fast = fitted_normals(depth, VIEW, radius).numpy()
+    points = points_from_depth(depth, VIEW).double().numpy()
     for y in range(0, 48, 3):
         for x in range(0, 64, 3):
             expected = oracle.fitted_normal(points, x, y, radius, 0.05)

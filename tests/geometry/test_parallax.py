@@ -1,32 +1,14 @@
 """Neighbours come from poses: near enough to match, far enough to measure, looking at the same things."""
 
 import numpy as np
-import torch
 
+from cameras import looking_at, pinhole, ring
 from goc.geometry.parallax import parallax_views
 from goc.scene import Camera
 
 
-def camera(position: list[float], target: list[float]) -> Camera:
-    at, forward = np.array(position), np.array(target) - np.array(position)
-    forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, [0.0, 0.0, 1.0])
-    right /= np.linalg.norm(right)
-    pose = np.eye(4)
-    pose[:3, :3] = np.stack([right, np.cross(forward, right), forward], 1)
-    pose[:3, 3] = at
-    return Camera(
-        focal_px=torch.tensor([60.0, 60.0]),
-        centre_px=torch.tensor([32.0, 24.0]),
-        width=64,
-        height=48,
-        world_from_cam=torch.from_numpy(pose).float(),
-    )
-
-
 def on_arc(degrees: list[float]) -> list[Camera]:
-    angles = np.deg2rad(degrees)
-    return [camera([2 * np.cos(a), 2 * np.sin(a), 0.0], [0.0, 0.0, 0.0]) for a in angles]
+    return [pinhole(60.0, pose=pose) for pose in ring(np.deg2rad(degrees))]
 
 
 def test_the_best_neighbour_looks_from_ten_degrees_away():
@@ -41,7 +23,7 @@ def test_neighbours_look_from_different_sides():
 
 
 def test_a_view_is_not_its_own_neighbour_nor_is_one_that_looks_away():
-    views = [*on_arc([0, 10]), camera([2.0, 0.1, 0.0], [4.0, 0.1, 0.0])]
+    views = [*on_arc([0, 10]), pinhole(60.0, pose=looking_at([2.0, 0.1, 0.0], [4.0, 0.1, 0.0]))]
     found = parallax_views(views, 2.0, 3)
     assert found[0].tolist() == [1, -1, -1]
     assert found[2].tolist() == [-1, -1, -1]

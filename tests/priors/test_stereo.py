@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import torch
 
+from cameras import capture_of, pinhole, placed
 from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
@@ -13,7 +14,7 @@ from goc.geometry.rays import pixel_rays
 from goc.priors.stereo import camera_numbers, stereo_depths
 from goc.reconstruct import ReconstructConfig, StereoConfig
 from goc.reconstruct.seed import seed
-from goc.scene import Camera, Capture, Frame, StoredFrames
+from goc.scene import Camera, Capture, Frame
 from oracles import stereo as slow
 
 SMALL = StereoConfig(side_px=96, neighbours=5, planes=64)
@@ -22,15 +23,9 @@ ORIGIN = np.array([0.0, 0.0, 2.0])
 
 
 def camera(shift: list[float], turn: float = 0.0, width: int = 96, height: int = 72) -> Camera:
-    pose = torch.eye(4)
-    pose[0, 0], pose[0, 2], pose[2, 0], pose[2, 2] = np.cos(turn), np.sin(turn), -np.sin(turn), np.cos(turn)
-    pose[:3, 3] = torch.tensor(shift)
-    return Camera(
-        focal_px=torch.tensor([80.0, 82.0]) * (width / 96),
-        centre_px=torch.tensor([width / 2 - 1.3, height / 2 + 0.7]),
-        width=width,
-        height=height,
-        world_from_cam=pose,
+    scale = width / 96
+    return pinhole(
+        (80.0 * scale, 82.0 * scale), (width, height), (width / 2 - 1.3, height / 2 + 0.7), placed(shift, turn)
     )
 
 
@@ -60,16 +55,8 @@ def photograph(view: Camera, blank: bool = False) -> Frame:
     return Frame(camera=view, image=torch.full_like(image, 128) if blank else image)
 
 
-def capture_of(views: list[Camera], blank: bool = False, metre: float = 1.0) -> Capture:
-    frames = [photograph(view, blank) for view in views]
-    return Capture(
-        cameras=tuple(views),
-        view_names=tuple(str(number) for number in range(len(views))),
-        frames=StoredFrames(tuple(frames)),
-        has_depth=False,
-        has_ids=False,
-        units_per_metre=metre,
-    )
+def photographed(views: list[Camera], blank: bool = False, **facts) -> Capture:
+    return capture_of([photograph(view, blank) for view in views], **facts)
 
 
 def photos(views: list[Camera]) -> tuple[_native.Photos, list[np.ndarray]]:
@@ -112,7 +99,7 @@ def test_refined_planes_cost_what_the_slow_twin_says():
 @pytest.mark.parametrize("metre", [1.0, 40.0])
 def test_a_textured_plane_is_measured(metre):
     views = [replace(view, world_from_cam=view.world_from_cam.clone()) for view in AROUND]
-    capture = capture_of(views)
+    capture = photographed(views)
     if metre != 1.0:
         for view in views:
             view.world_from_cam[:3, 3] *= metre
@@ -132,7 +119,7 @@ def test_a_textured_plane_is_measured(metre):
 
 
 def test_one_thread_gives_the_same_bits_as_three():
-    capture, threads = capture_of(AROUND), _native.thread_count()
+    capture, threads = photographed(AROUND), _native.thread_count()
     found = []
     for count in (1, 3):
         _native.set_thread_count(count)
@@ -144,12 +131,12 @@ def test_one_thread_gives_the_same_bits_as_three():
 
 
 def test_photographs_without_texture_are_not_trusted():
-    found = stereo_depths(capture_of(AROUND, blank=True), list(range(6)), SMALL)
+    found = stereo_depths(photographed(AROUND, blank=True), list(range(6)), SMALL)
     assert all(torch.isnan(view.depth).all() for view in found.values())
 
 
 def test_many_views_are_thinned():
-    found = stereo_depths(capture_of(AROUND), list(range(6)), replace(SMALL, side_px=48, max_views=3))
+    found = stereo_depths(photographed(AROUND), list(range(6)), replace(SMALL, side_px=48, max_views=3))
     assert list(found) == [0, 2, 4]
 
 
@@ -188,7 +175,7 @@ def test_a_wrong_depth_is_refused():
 def test_seeds_of_photographs_lie_on_the_surface():
     config = ReconstructConfig(mcmc=replace(ReconstructConfig().mcmc, max_splats=1500))
     config = replace(config, seeding=replace(config.seeding, stereo=SMALL))
-    splats = seed(capture_of(AROUND), list(range(6)), config)
+    splats = seed(photographed(AROUND), list(range(6)), config)
     off = ((splats.means.double().numpy() - ORIGIN) @ NORMAL) / 2.0
     assert len(splats) > 1000
     assert np.median(np.abs(off)) < 0.005
@@ -200,7 +187,7 @@ def test_seeds_of_photographs_lie_on_the_surface():
 def test_photographs_that_match_nowhere_start_from_the_scene_box():
     config = ReconstructConfig()
     config = replace(config, seeding=replace(config.seeding, stereo=replace(SMALL, side_px=48), random_points=600))
-    splats = seed(capture_of(AROUND, blank=True), list(range(6)), config)
+    splats = seed(photographed(AROUND, blank=True), list(range(6)), config)
     assert len(splats) == 600
 
 

@@ -5,24 +5,13 @@ from dataclasses import fields, replace
 import pytest
 import torch
 
+from cameras import pinhole, turned
 from goc import _native
 from goc.geometry.harmonics import colours_towards
 from goc.raster import blend_view, centre_depths, plane_channels, rasterize
-from goc.scene import Camera, Gaussians
-from oracles import splatting
+from goc.scene import Gaussians
 
-
-def camera() -> Camera:
-    pose = torch.eye(4)
-    pose[:3, :3] = splatting.rotation_matrices(torch.tensor([[0.98, 0.1, -0.12, 0.07]]))[0]
-    pose[:3, 3] = torch.tensor([0.1, -0.2, 0.3])
-    return Camera(
-        focal_px=torch.tensor([38.0, 41.0]),
-        centre_px=torch.tensor([19.3, 14.8]),
-        width=43,
-        height=29,
-        world_from_cam=pose,
-    )
+VIEW = pinhole((38.0, 41.0), (43, 29), (19.3, 14.8), turned((0.98, 0.1, -0.12, 0.07), (0.1, -0.2, 0.3)))
 
 
 def random_splats(count: int, degree: int, features: int) -> Gaussians:
@@ -56,7 +45,7 @@ def copy(gaussians: Gaussians) -> Gaussians:
 @pytest.mark.parametrize(("degree", "features"), [(0, 0), (1, 0), (2, 5), (3, 0), (1, 30)])
 def test_a_view_is_its_channels_rasterised(planes, degree, features):
     fast = random_splats(120, degree, features)
-    slow, view = copy(fast), camera()
+    slow, view = copy(fast), VIEW
     channels = [
         colours_towards(slow.sh, slow.means, view.position),
         plane_channels(slow, view) if planes else centre_depths(slow, view)[:, None],
@@ -77,7 +66,7 @@ def test_a_view_is_its_channels_rasterised(planes, degree, features):
 
 
 def test_an_image_that_no_loss_looks_at_has_no_part_in_the_gradient():
-    fast, view = random_splats(120, 1, 0), camera()
+    fast, view = random_splats(120, 1, 0), VIEW
     slow = copy(fast)
     blend_view(fast, view, True).colour.square().sum().backward()
     image, _ = rasterize(slow, view, colours_towards(slow.sh, slow.means, view.position))
@@ -87,7 +76,7 @@ def test_an_image_that_no_loss_looks_at_has_no_part_in_the_gradient():
 
 
 def test_a_view_is_differentiated_once():
-    shown = blend_view(random_splats(10, 0, 0), camera(), True)
+    shown = blend_view(random_splats(10, 0, 0), VIEW, True)
     shown.alpha.sum().backward(retain_graph=True)
     with pytest.raises(RuntimeError, match="can be differentiated once"):
         shown.alpha.sum().backward()
@@ -98,7 +87,7 @@ def test_thread_count_does_not_change_a_bit():
     for threads in (1, 2, 5):
         _native.set_thread_count(threads)
         gaussians = random_splats(4000, 1, 0)
-        shown = blend_view(gaussians, replace(camera(), width=201, height=150), True)
+        shown = blend_view(gaussians, replace(VIEW, width=201, height=150), True)
         (shown.colour.square().sum() + shown.geometry.square().sum() + shown.alpha.sum()).backward()
         results.append([shown.colour, shown.geometry, shown.alpha, *gradients(gaussians).values()])
     _native.set_thread_count(before)
@@ -108,4 +97,4 @@ def test_thread_count_does_not_change_a_bit():
 
 def test_sh_must_be_whole_bands():
     with pytest.raises(ValueError, match="degree 0 to 3"):
-        blend_view(replace(random_splats(10, 0, 0), sh=torch.zeros(10, 2, 3)), camera(), True)
+        blend_view(replace(random_splats(10, 0, 0), sh=torch.zeros(10, 2, 3)), VIEW, True)

@@ -7,19 +7,12 @@ from pathlib import Path
 import pytest
 import torch
 
+from cameras import pinhole
 from goc import _native
 from goc.raster import blend_view, rasterize
 from goc.scene import Camera, Gaussians
 
-
-def camera() -> Camera:
-    return Camera(
-        focal_px=torch.tensor([38.0, 41.0]),
-        centre_px=torch.tensor([32.0, 24.0]),
-        width=64,
-        height=48,
-        world_from_cam=torch.eye(4),
-    )
+VIEW = pinhole((38.0, 41.0))
 
 
 def random_splats(count: int) -> Gaussians:
@@ -39,7 +32,7 @@ def step(gaussians: Gaussians, view: Camera) -> None:
 
 
 def test_steps_after_the_first_allocate_no_buffers():
-    gaussians, view = random_splats(3000), camera()
+    gaussians, view = random_splats(3000), VIEW
     _native.forget_idle_rasters()
     for _ in range(3):  # two buffers of the sort change places
         step(gaussians, view)
@@ -52,7 +45,7 @@ def test_steps_after_the_first_allocate_no_buffers():
 
 @pytest.mark.parametrize("draw", [blend_view, rasterize])
 def test_a_view_that_is_forgotten_gives_its_buffers_back(draw):
-    gaussians, view = random_splats(3000), camera()
+    gaussians, view = random_splats(3000), VIEW
     _native.forget_idle_rasters()
     for _ in range(6):
         draw(gaussians, view, True if draw is blend_view else torch.ones(3000, 2))
@@ -61,7 +54,7 @@ def test_a_view_that_is_forgotten_gives_its_buffers_back(draw):
 
 
 def test_two_views_at_once_have_buffers_of_their_own():
-    gaussians, view = random_splats(300), camera()
+    gaussians, view = random_splats(300), VIEW
     first = blend_view(gaussians, view, planes=True)
     alone = blend_view(random_splats(300), view, planes=True)
     alone.colour.sum().backward()
@@ -74,7 +67,7 @@ def test_two_views_at_once_have_buffers_of_their_own():
 
 def calls_of_a_step(count: int) -> int:
     """Calls of Python and C functions that a step makes; backward included, which runs on this thread."""
-    gaussians, view, calls = random_splats(count), camera(), []
+    gaussians, view, calls = random_splats(count), VIEW, []
     step(gaussians, view)
     before, idle = sys.getprofile(), gc.isenabled()
     gc.disable()
@@ -94,7 +87,7 @@ def test_python_does_no_work_a_splat():
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="counts the threads that Linux shows")
 def test_steps_start_no_threads():
-    gaussians, view, before = random_splats(3000), camera(), _native.thread_count()
+    gaussians, view, before = random_splats(3000), VIEW, _native.thread_count()
     try:
         _native.set_thread_count(3)
         step(gaussians, view)

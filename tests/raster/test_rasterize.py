@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from cameras import pinhole, turned
 from goc import _native
 from goc.raster import median_splats, rasterize
 from goc.scene import Camera, Gaussians
@@ -14,16 +15,8 @@ GEOMETRY = ("means", "quats", "log_scales", "opacity_logits")
 
 
 def camera(width: int = 40, height: int = 28) -> Camera:
-    pose = torch.eye(4)
-    pose[:3, :3] = splatting.rotation_matrices(torch.tensor([[0.98, 0.1, -0.12, 0.07]]))[0]
-    pose[:3, 3] = torch.tensor([0.1, -0.2, 0.3])
-    return Camera(
-        focal_px=torch.tensor([38.0, 41.0]),
-        centre_px=torch.tensor([19.3, 14.8]),
-        width=width,
-        height=height,
-        world_from_cam=pose,
-    )
+    pose = turned((0.98, 0.1, -0.12, 0.07), (0.1, -0.2, 0.3))
+    return pinhole((38.0, 41.0), (width, height), (19.3, 14.8), pose)
 
 
 def random_splats(count: int, seed: int = 0, opacity: float = 0.0) -> Gaussians:
@@ -140,13 +133,7 @@ def test_single_opaque_splat_in_closed_form():
         opacity_logits=torch.tensor([1.0]),
         sh=torch.zeros(1, 1, 3),
     )
-    view = Camera(
-        focal_px=torch.tensor([50.0, 50.0]),
-        centre_px=torch.tensor([10.5, 8.5]),
-        width=21,
-        height=17,
-        world_from_cam=torch.eye(4),
-    )
+    view = pinhole(50.0, (21, 17))
     image, alpha = rasterize(splat, view, torch.tensor([[3.0]]))
     opacity = torch.tensor(1.0).sigmoid()
     assert alpha[8, 10] == pytest.approx(opacity.item(), rel=1e-5)

@@ -3,6 +3,7 @@
 import pytest
 import torch
 
+from cameras import pinhole, placed
 from goc.raster import (
     centre_depths,
     median_splats,
@@ -13,19 +14,9 @@ from goc.raster import (
     render_labels,
     render_surface,
 )
-from goc.scene import Camera, Gaussians
+from goc.scene import Gaussians
 
-
-def camera() -> Camera:
-    pose = torch.eye(4)
-    pose[0, 3] = 0.2
-    return Camera(
-        focal_px=torch.tensor([38.0, 41.0]),
-        centre_px=torch.tensor([25.0, 17.0]),
-        width=50,
-        height=35,
-        world_from_cam=pose,
-    )
+VIEW = pinhole((38.0, 41.0), (50, 35), (25.0, 17.0), placed((0.2, 0.0, 0.0)))
 
 
 def splats(count: int = 400) -> Gaussians:
@@ -43,21 +34,21 @@ def splats(count: int = 400) -> Gaussians:
 def test_a_surface_is_its_parts(ids):
     gaussians = splats()
     labels = (torch.arange(len(gaussians)) % ids - 1).to(torch.int16)
-    found, shown = render_surface(gaussians, labels, camera(), min_alpha=0.4), render(gaussians, camera())
+    found, shown = render_surface(gaussians, labels, VIEW, min_alpha=0.4), render(gaussians, VIEW)
     assert torch.equal(found.alpha, shown.alpha)
-    assert torch.equal(found.ids, render_labels(gaussians, labels, camera(), 0.4))
+    assert torch.equal(found.ids, render_labels(gaussians, labels, VIEW, 0.4))
     assert len(torch.unique(found.ids)) > ids // 2
-    halves = median_splats(gaussians, camera())
-    planes = plane_depth(plane_channels(gaussians, camera())[halves.clamp_min(0).long()], camera())
+    halves = median_splats(gaussians, VIEW)
+    planes = plane_depth(plane_channels(gaussians, VIEW)[halves.clamp_min(0).long()], VIEW)
     assert torch.equal(found.median_depth.isnan(), (halves < 0) | planes.isnan()) and (halves >= 0).any()
     torch.testing.assert_close(found.median_depth[halves >= 0], planes[halves >= 0], equal_nan=True)
     torch.testing.assert_close(found.plane_depth, shown.plane_depth, equal_nan=True)
     seen = shown.alpha > 0.01
-    away = (centre_depths(gaussians, camera())[:, None] - shown.depth[17, 25]).square()
-    spread = (rasterize(gaussians, camera(), away)[0][17, 25, 0] / shown.alpha[17, 25]).sqrt()  # of one pixel
+    away = (centre_depths(gaussians, VIEW)[:, None] - shown.depth[17, 25]).square()
+    spread = (rasterize(gaussians, VIEW, away)[0][17, 25, 0] / shown.alpha[17, 25]).sqrt()  # of one pixel
     torch.testing.assert_close(found.mixed[17, 25], spread / shown.depth[17, 25], rtol=1e-3, atol=1e-4)
     assert (found.mixed[seen] > 0.02).any() and (found.mixed[seen] < 0.02).any()
 
 
 def test_without_labels_there_are_no_ids():
-    assert render_surface(splats(), None, camera()).ids is None
+    assert render_surface(splats(), None, VIEW).ids is None

@@ -2,8 +2,9 @@
 
 import torch
 
+from cameras import capture_of, grey, pinhole
 from goc.reconstruct.labels import classified_views, classify, feature_width, vote_labels
-from goc.scene import Camera, Capture, Frame, Gaussians
+from goc.scene import Capture, Frame, Gaussians
 from goc.scene.capture import UNLABELLED
 
 SIDE = 32
@@ -29,15 +30,9 @@ def wall_with_a_stranger() -> tuple[Gaussians, Capture]:
         sh=torch.zeros(count, 1, 3),
         identity=torch.cat([torch.tensor([[1.0, 0.0]]).expand(count - 1, 2), torch.tensor([[0.0, 0.5]])]),
     )
-    camera = Camera(
-        focal_px=torch.tensor([40.0, 40.0]),
-        centre_px=torch.tensor([SIDE / 2, SIDE / 2]),
-        width=SIDE,
-        height=SIDE,
-        world_from_cam=torch.eye(4),
-    )
-    frame = Frame(camera=camera, image=torch.zeros(SIDE, SIDE, 3, dtype=torch.uint8))
-    capture = Capture(cameras=(camera,), view_names=("a",), frames=lambda _: frame, has_depth=False, has_ids=False)
+    camera = pinhole(40.0, (SIDE, SIDE))
+    frame = Frame(camera=camera, image=grey(camera, 0))
+    capture = capture_of([frame])
     return splats, capture
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 import torch
 
+from cameras import pinhole
 from goc.geometry.rays import pixel_rays
 from goc.raster import CPU, views_of
 from goc.reconstruct import device_losses
@@ -17,17 +18,8 @@ from goc.reconstruct.losses import (
     photometric_loss,
     planes_depth,
 )
-from goc.scene import Camera
 
-
-def camera(width: int = 23, height: int = 17) -> Camera:
-    return Camera(
-        focal_px=torch.tensor([21.0, 19.0]),
-        centre_px=torch.tensor([11.0, 9.2]),
-        width=width,
-        height=height,
-        world_from_cam=torch.eye(4),
-    )
+VIEW = pinhole((21.0, 19.0), (23, 17), (11.0, 9.2))
 
 
 def random_view(seed: int) -> tuple[torch.Tensor, torch.Tensor, GeometryPrior]:
@@ -86,10 +78,10 @@ def test_geometry_loss_and_gradient_match_the_definition(weights):
     fast = [numerator.clone().requires_grad_(), denominator.clone().requires_grad_()]
     slow = [numerator.double().requires_grad_(), denominator.double().requires_grad_()]
     rendered = RenderedDepth(numerator=fast[0], denominator=fast[1], alpha=alpha)
-    loss = geometry_loss(rendered, prior, camera(), *weights)
+    loss = geometry_loss(rendered, prior, VIEW, *weights)
     depths = device_losses.Depths(numerator=slow[0][None], denominator=slow[1][None], alpha=alpha.double()[None])
     priors = device_losses.Priors(depth=prior.depth.double()[None], normals=prior.normals.double()[None])
-    expected = device_losses.geometry(depths, priors, views_of([camera()], CPU).rays, *weights)
+    expected = device_losses.geometry(depths, priors, views_of([VIEW], CPU).rays, *weights)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), rel=1e-5)
@@ -99,20 +91,20 @@ def test_geometry_loss_and_gradient_match_the_definition(weights):
 
 def test_plane_depth_of_a_slanted_plane_is_exact_where_expected_depth_is_of_its_centre():
     normal = torch.nn.functional.normalize(torch.tensor([0.4, 0.1, -1.0]), dim=0)
-    rays, alpha = pixel_rays(camera()), torch.full((17, 23), 0.7)
+    rays, alpha = pixel_rays(VIEW), torch.full((17, 23), 0.7)
     truth = -2.0 / (rays @ normal)
     blended = torch.cat([normal[:, None, None].expand(3, 17, 23), torch.full((1, 17, 23), -2.0)]) * alpha
-    planes = planes_depth(blended, alpha, camera())
+    planes = planes_depth(blended, alpha, VIEW)
     assert torch.allclose(planes.numerator / planes.denominator, truth, rtol=1e-5)
     centre = expected_depth(2.2 * alpha, alpha)
     assert torch.allclose(centre.numerator / centre.denominator, torch.full((17, 23), 2.2))
 
 
 def test_the_fraction_of_planes_has_the_gradient_of_its_definition():
-    fast, (rays, alpha) = torch.randn(4, 17, 23).requires_grad_(), (pixel_rays(camera()), torch.ones(17, 23))
+    fast, (rays, alpha) = torch.randn(4, 17, 23).requires_grad_(), (pixel_rays(VIEW), torch.ones(17, 23))
     slow = fast.detach().clone().requires_grad_()
-    found, upstream = planes_depth(fast, alpha, camera()), torch.randn(2, 17, 23)
-    depths = device_losses.blended_depths(slow[None], alpha[None], views_of([camera()], CPU).rays)
+    found, upstream = planes_depth(fast, alpha, VIEW), torch.randn(2, 17, 23)
+    depths = device_losses.blended_depths(slow[None], alpha[None], views_of([VIEW], CPU).rays)
     expected = -slow[3], -(slow[:3].permute(1, 2, 0) * rays).sum(-1)
     assert torch.equal(depths.numerator[0], expected[0])
     assert torch.allclose(depths.denominator[0], expected[1], atol=1e-5)
@@ -129,7 +121,7 @@ def test_packed_normals_are_the_same_normals():
     packed = torch.nan_to_num(prior.normals * 127).round().to(torch.int8)
     unpacked = torch.nn.functional.normalize(packed.float(), dim=-1)
     unpacked = torch.where((packed == 0).all(-1, keepdim=True), torch.nan, unpacked)
-    losses = [geometry_loss(rendered, replace(prior, normals=n), camera(), 0.3, 0.7) for n in (packed, unpacked)]
+    losses = [geometry_loss(rendered, replace(prior, normals=n), VIEW, 0.3, 0.7) for n in (packed, unpacked)]
     assert losses[0].item() == pytest.approx(losses[1].item(), rel=1e-6)
 
 
@@ -137,9 +129,7 @@ def test_depth_normal_loss_spans_agreement_to_opposition():
     depth, alpha = torch.full((17, 23), 2.0), torch.ones(17, 23)
     facing = torch.tensor([0.0, 0.0, -1.0]).expand(17, 23, 3)
     for normals, expected in ((facing, 0.0), (-facing, 2.0)):
-        loss = geometry_loss(
-            expected_depth(depth, alpha), GeometryPrior(depth=depth, normals=normals), camera(), 0.0, 1.0
-        )
+        loss = geometry_loss(expected_depth(depth, alpha), GeometryPrior(depth=depth, normals=normals), VIEW, 0.0, 1.0)
         assert loss.item() == pytest.approx(expected, abs=1e-6)
 
 
@@ -148,11 +138,11 @@ def test_pixels_that_show_nothing_do_not_count():
     alpha = torch.ones(17, 23)
     alpha[:, :11] = 0.05
     prior = GeometryPrior(depth=depth + 0.5, normals=None)
-    assert geometry_loss(expected_depth(depth * alpha, alpha), prior, camera(), 1.0, 0.0).item() == pytest.approx(
+    assert geometry_loss(expected_depth(depth * alpha, alpha), prior, VIEW, 1.0, 0.0).item() == pytest.approx(
         0.5, rel=1e-5
     )
     nothing = replace(prior, depth=torch.full((17, 23), torch.nan))
-    assert geometry_loss(expected_depth(depth * alpha, alpha), nothing, camera(), 1.0, 1.0).item() == 0.0
+    assert geometry_loss(expected_depth(depth * alpha, alpha), nothing, VIEW, 1.0, 1.0).item() == 0.0
 
 
 def test_identity_loss_ignores_unlabelled_pixels():

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from cameras import pinhole, placed
 from goc import _native
 from goc.geometry.rays import pixel_rays
 from goc.raster import CPU, views_of
@@ -20,16 +21,8 @@ TOLERANCE = 0.05
 
 def camera(position: tuple[float, float, float], yaw: float = 0.0, size: tuple[int, int] = (46, 38)) -> Camera:
     """Before a wall at z ≈ 2, looking along z."""
-    pose = torch.eye(4)
-    pose[0, 0], pose[0, 2], pose[2, 0], pose[2, 2] = math.cos(yaw), math.sin(yaw), -math.sin(yaw), math.cos(yaw)
-    pose[:3, 3] = torch.tensor(position)
-    return Camera(
-        focal_px=torch.tensor([40.0, 38.0]) * size[0] / 46,
-        centre_px=torch.tensor([size[0] / 2 + 0.3, size[1] / 2 - 0.4]),
-        width=size[0],
-        height=size[1],
-        world_from_cam=pose,
-    )
+    scale = size[0] / 46
+    return pinhole((40.0 * scale, 38.0 * scale), size, (size[0] / 2 + 0.3, size[1] / 2 - 0.4), placed(position, yaw))
 
 
 def wall_depth(view: Camera, slope: float = 0.25, z: float = 2.0) -> Tensor:

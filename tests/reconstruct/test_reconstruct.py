@@ -7,6 +7,7 @@ import pytest
 import torch
 
 import captures
+from cameras import pinhole
 from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
@@ -15,7 +16,7 @@ from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, priors, recons
 from goc.reconstruct.labels import capture_ids, votes_of_view
 from goc.reconstruct.seed import splat_budget
 from goc.reconstruct.view_loss import classes_of, identity_stride
-from goc.scene import UNLABELLED, Camera, Capture, Gaussians
+from goc.scene import UNLABELLED, Capture, Gaussians
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
 
@@ -219,5 +220,4 @@ def test_normals_that_came_first_stay(monkeypatch):
 
 
 def camera_of(width, height):
-    middle = torch.tensor([width / 2, height / 2])
-    return Camera(focal_px=middle, centre_px=middle, width=width, height=height, world_from_cam=torch.eye(4))
+    return pinhole((width / 2, height / 2), (width, height))

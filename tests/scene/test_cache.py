@@ -4,15 +4,15 @@ from multiprocessing.reduction import ForkingPickler
 import pytest
 import torch
 
+from cameras import pinhole
 from captures import write_nerfstudio
 from goc.capture import CaptureConfig, load_capture
-from goc.scene import Camera, Frame, StoredFrames, ViewCache
+from goc.scene import Frame, StoredFrames, ViewCache
 from goc.scene.cache import bytes_of
 
 
 def frame(index):
-    camera = Camera(focal_px=torch.ones(2), centre_px=torch.ones(2), width=10, height=10, world_from_cam=torch.eye(4))
-    return Frame(camera=camera, image=torch.full((10, 10, 3), index, dtype=torch.uint8))
+    return Frame(camera=pinhole(1.0, (10, 10)), image=torch.full((10, 10, 3), index, dtype=torch.uint8))
 
 
 class Counting:

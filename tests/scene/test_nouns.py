@@ -5,22 +5,11 @@ from dataclasses import FrozenInstanceError, replace
 import pytest
 import torch
 
+from cameras import pinhole, turned
 from goc.geometry.rays import pixel_rays
-from goc.geometry.rotations import matrices_of_quats
-from goc.scene import Camera, Capture, Frame, Gaussians
+from goc.scene import Capture, Frame, Gaussians
 
-
-def camera() -> Camera:
-    pose = torch.eye(4)
-    pose[:3, :3] = matrices_of_quats(torch.tensor([[0.3, -0.5, 0.7, 0.2]]))[0]
-    pose[:3, 3] = torch.tensor([1.0, -2.0, 0.5])
-    return Camera(
-        focal_px=torch.tensor([50.0, 52.0]),
-        centre_px=torch.tensor([30.0, 22.0]),
-        width=64,
-        height=48,
-        world_from_cam=pose,
-    )
+VIEW = pinhole((50.0, 52.0), (64, 48), (30.0, 22.0), turned((0.3, -0.5, 0.7, 0.2), (1.0, -2.0, 0.5)))
 
 
 def splats(count: int) -> Gaussians:
@@ -35,7 +24,7 @@ def splats(count: int) -> Gaussians:
 
 
 def test_poses_undo_each_other():
-    view = camera()
+    view = VIEW
     assert torch.allclose(view.cam_from_world @ view.world_from_cam, torch.eye(4), atol=1e-6)
     assert torch.allclose(
         view.cam_from_world[:3, :3] @ view.position + view.cam_from_world[:3, 3], torch.zeros(3), atol=1e-6
@@ -43,7 +32,7 @@ def test_poses_undo_each_other():
 
 
 def test_a_resized_view_has_the_same_field():
-    view, small = camera(), camera().resized(32, 24)
+    view, small = VIEW, VIEW.resized(32, 24)
     # Corners of the raster, not pixel centres, are what stays.
     for side in (view, small):
         left = (0.0 - side.centre_px) / side.focal_px
@@ -55,7 +44,7 @@ def test_a_resized_view_has_the_same_field():
 
 def test_nouns_do_not_change():
     with pytest.raises(FrozenInstanceError):
-        camera().width = 3
+        VIEW.width = 3
 
 
 def test_selected_splats_keep_their_rows_together():
@@ -78,9 +67,9 @@ def test_a_capture_loads_views_when_asked():
 
     def load(index: int) -> Frame:
         asked.append(index)
-        return Frame(camera=camera(), image=torch.zeros(48, 64, 3, dtype=torch.uint8))
+        return Frame(camera=VIEW, image=torch.zeros(48, 64, 3, dtype=torch.uint8))
 
-    capture = Capture(cameras=(camera(),) * 3, view_names=("a", "b", "c"), frames=load, has_depth=False, has_ids=False)
+    capture = Capture(cameras=(VIEW,) * 3, view_names=("a", "b", "c"), frames=load, has_depth=False, has_ids=False)
     assert len(capture) == 3 and asked == []
     assert capture[1].depth is None and asked == [1]
     assert sum(1 for _ in capture) == 3 and asked == [1, 0, 1, 2]

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-import torch
 
+from cameras import pinhole
 from goc.errors import ConfigError
 from goc.files.colour import decode_srgb, encode_srgb
-from goc.scene import ROOM, UNLABELLED, Camera
+from goc.scene import ROOM, UNLABELLED
 from goc.synth.sensor import (
     ImageFaults,
     Lidar,
@@ -23,13 +23,7 @@ from goc.synth.sensor import (
 )
 
 HEIGHT, WIDTH = 96, 128
-CAMERA = Camera(
-    focal_px=torch.tensor([100.0, 100.0]),
-    centre_px=torch.tensor([64.0, 48.0]),
-    width=WIDTH,
-    height=HEIGHT,
-    world_from_cam=torch.eye(4),
-)
+CAMERA = pinhole(100.0, (WIDTH, HEIGHT))
 QUIET = {"noise_m": 0.0, "noise_per_m": 0.0}
 STILL = {"jitter_px": 0.0, "disparity_step": 0.0, "grazing_deg": 90.0, "edge_holes": 0.0}
 
