@@ -16,6 +16,8 @@ test: $(VENV)/.installed-test
 	$(BIN)/ruff check src tests benchmarks examples
 	$(BIN)/ruff format --check src tests benchmarks examples
 	$(BIN)/lint-imports
+	$(BIN)/python -m nanobind.stubgen -q -m goc._native -o src/goc/_native.pyi
+	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright --pythonpath $(BIN)/python
 	$(BIN)/python -m pytest
 
 # Build the kernels into src/goc, for work on a source tree: PYTHONPATH=src.

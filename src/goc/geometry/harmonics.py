@@ -23,14 +23,14 @@ def harmonics(directions: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n
     """Y_0 … Y_k towards unit directions, k = (degree + 1)² and degree ≤ 3."""
     columns = [torch.full_like(directions[:, 0], BAND_0)]
     x, y, z = directions.unbind(-1)
+    xx, yy, zz = x * x, y * y, z * z
     if degree >= 1:
         columns += [-_BAND_1 * y, _BAND_1 * z, -_BAND_1 * x]
     if degree >= 2:
-        xx, yy, zz = x * x, y * y, z * z
-        polynomials = (x * y, y * z, 2 * zz - xx - yy, x * z, xx - yy)
-        columns += [c * polynomial for c, polynomial in zip(_BAND_2, polynomials, strict=True)]
+        quadratic = (x * y, y * z, 2 * zz - xx - yy, x * z, xx - yy)
+        columns += [c * polynomial for c, polynomial in zip(_BAND_2, quadratic, strict=True)]
     if degree >= 3:
-        polynomials = (
+        cubic = (
             y * (3 * xx - yy),
             x * y * z,
             y * (4 * zz - xx - yy),
@@ -39,7 +39,7 @@ def harmonics(directions: Float[Tensor, "n 3"], degree: int) -> Float[Tensor, "n
             z * (xx - yy),
             x * (xx - 3 * yy),
         )
-        columns += [c * polynomial for c, polynomial in zip(_BAND_3, polynomials, strict=True)]
+        columns += [c * polynomial for c, polynomial in zip(_BAND_3, cubic, strict=True)]
     return torch.stack(columns, -1)
 
 

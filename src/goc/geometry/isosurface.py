@@ -32,7 +32,7 @@ def grid_surface(
     padded[1 : shape[0] - 1, 1 : shape[1] - 1, 1 : shape[2] - 1] = values
     split = padded.reshape(count[0], _BLOCK, count[1], _BLOCK, count[2], _BLOCK).transpose(0, 2, 4, 1, 3, 5)
     inside = split < 0
-    chosen = _crossed(inside.any(axis=(3, 4, 5)), inside.all(axis=(3, 4, 5)))
+    chosen = _crossed(np.any(inside, axis=(3, 4, 5)), np.all(inside, axis=(3, 4, 5)))
     blocks = np.argwhere(chosen).astype(np.int32)
     cubes = np.ascontiguousarray(split[chosen])
     edges, faces = _native.isosurface(blocks, cubes)

@@ -47,7 +47,7 @@ def neighbour_views(
     chosen = [cameras[view] for view in views]
     poses = np.stack([camera.world_from_cam.double().numpy() for camera in chosen])
     directions, positions = poses[:, :3, 2], poses[:, :3, 3]
-    found = {}
+    found: dict[int, tuple[int, ...]] = {}
     for row, view in enumerate(views):
         cosines = np.clip((directions * directions[row]).sum(-1), -1.0, 1.0)
         angles, baselines = np.degrees(np.arccos(cosines)), np.linalg.norm(positions - positions[row], axis=-1)
@@ -55,7 +55,8 @@ def neighbour_views(
         near &= angles <= limits.max_angle_deg
         near[row] = False
         # Rounded, so that the last bits of a pose do not decide.
-        order = sorted(np.flatnonzero(near), key=lambda i: (round(angles[i], 6), round(baselines[i], 9), views[i]))
+        others: list[int] = np.flatnonzero(near).tolist()
+        order = sorted(others, key=lambda i: (round(angles[i], 6), round(baselines[i], 9), views[i]))
         points = _frustum(chosen[row], limits.depths)
         kept: list[int] = []
         for other in order:

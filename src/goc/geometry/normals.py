@@ -18,7 +18,7 @@ def normals_from_depth(depth: Float[Tensor, "h w"], camera: Camera) -> Float[Ten
     points = pixel_rays(camera) * depth[..., None]
     right = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]
-    inner = torch.nn.functional.normalize(torch.linalg.cross(down, right), dim=-1, eps=1e-12)
+    inner = torch.nn.functional.normalize(torch.cross(down, right, dim=-1), dim=-1, eps=1e-12)
     return torch.nn.functional.pad(inner, (0, 0, 1, 1, 1, 1), value=torch.nan)
 
 
@@ -55,7 +55,7 @@ def fitted_normals(depth: Float[Tensor, "h w"], camera: Camera, radius: int) -> 
     edge; at least half of the window must be there. Twin: tests/oracles/normals.py.
     """
     normals = torch.zeros(*depth.shape, 3)
-    lens = (*camera.focal_px.tolist(), *camera.centre_px.tolist())
+    fx, fy, cx, cy = (float(number) for number in (*camera.focal_px, *camera.centre_px))
     fewest = (2 * radius + 1) ** 2 // 2 + 1
-    _native.plane_normals(depth.contiguous(), *lens, radius, _AGREE, fewest, normals)
+    _native.plane_normals(depth.contiguous().numpy(), fx, fy, cx, cy, radius, _AGREE, fewest, normals.numpy())
     return normals

@@ -19,7 +19,7 @@ def point_normals(points: Float[np.ndarray, "p 3"], neighbours: int = 12) -> Flo
     """
     if len(points) < 4:
         raise ValueError(f"{len(points)} points say nothing of a surface: four is the least.")
-    near = cKDTree(points).query(points, k=min(neighbours, len(points)))[1]
+    near = np.asarray(cKDTree(points).query(points, k=min(neighbours, len(points)))[1])
     normals = _least_spread(points.astype(np.float64), near)
     return _one_sided(points.astype(np.float64), normals, near).astype(np.float32)
 
@@ -33,7 +33,7 @@ def _one_sided(
     points: Float64[np.ndarray, "p 3"], normals: Float64[np.ndarray, "p 3"], near: Int64[np.ndarray, "p k"]
 ) -> Float64[np.ndarray, "p 3"]:
     count, width = near.shape
-    rows, columns = np.repeat(np.arange(count), width), near.ravel()
+    rows, columns = np.arange(near.size) // width, near.ravel()
     alike = np.abs((normals[rows] * normals[columns]).sum(axis=1))
     cost = np.where(rows == columns, 0.0, 1.0 + 1e-3 - np.minimum(alike, 1.0))
     graph = coo_array((cost, (rows, columns)), shape=(count, count)).tocsr()

@@ -1,5 +1,6 @@
 """Which views see the same surface from far enough apart to measure it: a choice from poses alone."""
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -7,9 +8,9 @@ from jaxtyping import Float64, Int32
 
 from goc.scene.camera import Camera
 
-_BEST_RAD = np.deg2rad(10.0)
-_NARROW_RAD, _WIDE_RAD = np.deg2rad(5.0), np.deg2rad(12.0)
-_APART_RAD = np.deg2rad(6.0)
+_BEST_RAD = math.radians(10.0)
+_NARROW_RAD, _WIDE_RAD = math.radians(5.0), math.radians(12.0)
+_APART_RAD = math.radians(6.0)
 _GRID = 5
 _DEPTHS = (0.6, 1.0, 1.6)
 

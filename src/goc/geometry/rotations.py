@@ -26,8 +26,8 @@ def rotated(quats: Float[Tensor, "n 4"], vectors: Float[Tensor, "n 3"]) -> Float
     """Each vector turned by its quaternion (wxyz, any non-zero length); differentiable, cheaper than the matrices."""
     unit = torch.nn.functional.normalize(quats, dim=-1)
     w, axis = unit[:, :1], unit[:, 1:]
-    twice = 2.0 * torch.linalg.cross(axis, vectors)
-    return vectors + w * twice + torch.linalg.cross(axis, twice)
+    twice = 2.0 * torch.cross(axis, vectors, dim=-1)
+    return vectors + w * twice + torch.cross(axis, twice, dim=-1)
 
 
 def quats_towards(directions: Float[Tensor, "n 3"]) -> Float[Tensor, "n 4"]:

@@ -25,7 +25,7 @@ def surface_cloud(mesh: Mesh, count: int, seed: int = 0) -> PointCloud:
     if len(total) == 0 or not total[-1] > 0:
         raise ValueError(f"A mesh of {len(areas)} faces has no area to put points on.")
     random = np.random.default_rng(seed)
-    at = (np.arange(count) + random.random(count)) / count * total[-1]
+    at = (np.arange(count) + random.random(count)) / count * float(total[-1])
     face = mesh.faces[np.minimum(np.searchsorted(total, at, side="right"), np.flatnonzero(areas)[-1])]
     root, share = np.sqrt(random.random(count)), random.random(count)
     weights = np.stack([1 - root, root * (1 - share), root * share], axis=1)[..., None]

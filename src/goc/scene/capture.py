@@ -88,7 +88,7 @@ class Capture:
     depth_kind: DepthKind = "metric"
     """What the depth of all views means."""
     points: PointCloud | None = None
-    id_names: dict[int, str] = field(default_factory=dict)
+    id_names: dict[int, str] = field(default_factory=dict[int, str])
     """Names of ids where the capture gives them."""
     units_per_metre: float = 1.0
     """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that

@@ -1,6 +1,7 @@
 """The scene as 3D Gaussians."""
 
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import torch
@@ -34,28 +35,30 @@ class Gaussians:
 
     def __getitem__(self, index: Tensor) -> "Gaussians":
         """The splats that a boolean mask or an index tensor selects."""
-        chosen = {}
-        for item in fields(self):
-            value = getattr(self, item.name)
-            chosen[item.name] = None if value is None else value[index]
-        return Gaussians(**chosen)
+        return self._each(lambda value: value[index])
 
     def to(self, device: torch.device) -> "Gaussians":
         """The same splats with their numbers on a device."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return Gaussians(**{name: None if value is None else value.to(device) for name, value in values.items()})
+        return self._each(lambda value: value.to(device))
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Sent through the processor and back onto the device: a handle of its memory would die with the sender."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        sent = {name: None if value is None else value.detach().cpu() for name, value in values.items()}
-        return _on_device, (sent, self.means.device)
+        return _on_device, (vars(self._each(lambda value: value.detach().cpu())), self.means.device)
 
     def detached(self) -> "Gaussians":
         """The same numbers outside any autograd graph."""
-        values = {item.name: getattr(self, item.name) for item in fields(self)}
-        return Gaussians(**{name: None if value is None else value.detach() for name, value in values.items()})
+        return self._each(Tensor.detach)
+
+    def _each(self, change: Callable[[Tensor], Tensor]) -> "Gaussians":
+        return Gaussians(
+            means=change(self.means),
+            quats=change(self.quats),
+            log_scales=change(self.log_scales),
+            opacity_logits=change(self.opacity_logits),
+            sh=change(self.sh),
+            identity=None if self.identity is None else change(self.identity),
+        )
 
 
-def _on_device(values: dict[str, Tensor | None], device: torch.device) -> Gaussians:
-    return Gaussians(**values).to(device)  # pyright: ignore[reportArgumentType]: only identity may be None
+def _on_device(values: dict[str, Any], device: torch.device) -> Gaussians:
+    return Gaussians(**values).to(device)

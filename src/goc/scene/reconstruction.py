@@ -15,5 +15,5 @@ class Reconstruction:
     gaussians: Gaussians
     labels: Int16[Tensor, "n"]
     """Object id of each splat: 0 = room, 1… = objects, UNLABELLED (-1) = never seen."""
-    metrics: dict[str, float] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict[str, float])
     """How it was obtained and how well: held-out PSNR in dB, steps, seconds."""

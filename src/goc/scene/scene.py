@@ -27,5 +27,5 @@ class Scene:
     cameras: dict[str, Camera]
     """Of every view, by its name."""
     world: World
-    metrics: dict[str, float] = field(default_factory=dict)
+    metrics: dict[str, float] = field(default_factory=dict[str, float])
     """How the splats were obtained and how well: held-out PSNR in dB, steps, seconds."""
