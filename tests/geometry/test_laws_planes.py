@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from goc.geometry.planes import Plane, along, find_plane, fit_plane, plane_inliers, refine_plane, spread
+from goc.geometry.planes import Plane, along, find_plane, fit_plane, plane_inliers, refine_plane, robust_sigma
 from laws import MOTIONS, SCALES, close, only, over
 
 SHAPES = {
@@ -75,9 +75,9 @@ def test_refining_what_fits_changes_nothing(points):
 @over(scale=SCALES)
 def test_spread_scales_and_ignores_signs_and_order(scale):
     values = np.random.default_rng(4).normal(size=501)
-    assert spread(scale * values) == pytest.approx(scale * spread(values))
-    assert spread(-values[::-1]) == spread(values)
-    assert spread(np.full(7, scale)) == pytest.approx(1.4826 * scale)
+    assert robust_sigma(scale * values) == pytest.approx(scale * robust_sigma(values))
+    assert robust_sigma(-values[::-1]) == robust_sigma(values)
+    assert robust_sigma(np.full(7, scale)) == pytest.approx(1.4826 * scale)
 
 
 @over(motion=MOTIONS)
