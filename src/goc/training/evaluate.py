@@ -17,6 +17,7 @@ from goc.training.contact_sheet import ContactSheet
 from goc.training.library import open_library
 from goc.training.masking import MaskConfig, MaskedObject, mask
 from goc.training.samples import true_distance
+from goc.training.validation import occupancy_score
 from goc.training.watertight_shape import WatertightShape
 
 GROUPS = {"complete": (7, 99), "1-3 views": (1, 3), "4-6 views": (4, 6), "room": (7, 99)}
@@ -213,12 +214,13 @@ def true_surface_samples(masked: MaskedObject, seed: int) -> SurfaceSamples:
 
 def score(closed: Completion, target: ObjectTruth) -> CompletionScore:
     """One method's answer against the truth."""
-    inside, longest = closed.inside(target.centres), target.longest
+    longest = target.longest
+    occupancy = occupancy_score(closed.inside(target.centres), target.inside, target.undecided)
     samples = sample_surface(closed.mesh, SAMPLES) if len(closed.mesh.faces) else None
     surface = surface_scores(samples, target.surface, thresholds=(_NEAR * longest, _WIDE * longest))
     f_1, f_2 = surface.f_score.values()
     return CompletionScore(
-        iou=float((inside & target.inside).sum() / max((inside | target.inside).sum(), 1)),
+        iou=occupancy.iou,
         accuracy=surface.accuracy / longest,
         completion=surface.completion / longest,
         chamfer_mean=surface.chamfer / longest,
@@ -227,7 +229,7 @@ def score(closed: Completion, target: ObjectTruth) -> CompletionScore:
         f_2=f_2,
         normal_consistency=surface.normal_consistency,
         watertight=float(is_watertight(closed.mesh)),
-        unknown_accuracy=float((inside == target.inside)[target.undecided].mean()) if target.undecided.any() else 1.0,
+        unknown_accuracy=occupancy.unknown_accuracy,
         seconds=closed.seconds,
     )
 

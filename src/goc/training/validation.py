@@ -44,12 +44,13 @@ class ValidationCase:
 
 
 @dataclass(frozen=True, kw_only=True)
-class GridScore:
-    """One completion against the truth."""
+class OccupancyScore:
+    """How well one completion's inside and outside agree with the truth."""
 
     iou: float
+    """Volume in both over volume in either, 0 to 1."""
     unknown_accuracy: float
-    """Share of undecided cells of the true box that are called rightly."""
+    """Share of the undecided points of the true box that are called rightly; 1 where there are none."""
 
 
 def validation_cases(
@@ -87,15 +88,29 @@ def guess_network(case: ValidationCase, network: Completer, threshold: float) ->
     return np.clip((level - logits) * _SOFT, -0.04, 0.04).astype(np.float32).reshape(case.truth.shape)
 
 
-def score(case: ValidationCase, field: Field) -> GridScore:
-    """Compare a field with the truth of its case."""
-    inside, truth = field < 0, case.truth < 0
-    iou = float((inside & truth).sum() / max((inside | truth).sum(), 1))
+def score(case: ValidationCase, field: Field) -> OccupancyScore:
+    """Compare a field with the truth of its case, cell by cell; the true box is that of the truth's inside cells."""
+    truth = case.truth < 0
     rows = [np.flatnonzero(truth.any(axis=tuple(o for o in range(3) if o != axis))) for axis in range(3)]
     box = tuple(slice(row[0], row[-1] + 1) if len(row) else slice(0, 0) for row in rows)
-    open_ = ~case.decided[box]
-    right = float((inside[box] == truth[box])[open_].mean()) if open_.any() else 1.0
-    return GridScore(iou=iou, unknown_accuracy=right)
+    undecided = np.zeros_like(truth)
+    undecided[box] = ~case.decided[box]
+    return occupancy_score(field < 0, truth, undecided)
+
+
+def occupancy_score(
+    inside: Bool[np.ndarray, "*p"], truth: Bool[np.ndarray, "*p"], undecided: Bool[np.ndarray, "*p"]
+) -> OccupancyScore:
+    """Score predicted occupancy at points spread evenly over the cube.
+
+    Args:
+        inside: which points the prediction calls inside.
+        truth: which points are inside.
+        undecided: points of the true box where neither seen surface nor a passing ray tells the answer.
+    """
+    iou = float((inside & truth).sum() / max((inside | truth).sum(), 1))
+    accuracy = float((inside == truth)[undecided].mean()) if undecided.any() else 1.0
+    return OccupancyScore(iou=iou, unknown_accuracy=accuracy)
 
 
 def surface_of(field: Field) -> Mesh:
