@@ -6,7 +6,7 @@ import numpy as np
 import torch
 
 from captures import OBJECTS, ROOM_BOX
-from goc.scene import EvidenceGrid, Gaussians, Mesh, ObjectMesh, Reconstruction, SceneAssets
+from goc.scene import Camera, EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
 
 # Corners are numbered by the bits of (x, y, z); seen from outside each side turns counter-clockwise.
 _SIDES = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
@@ -24,24 +24,26 @@ def inside_out(mesh: Mesh) -> Mesh:
     return replace(mesh, faces=np.ascontiguousarray(mesh.faces[:, ::-1]))
 
 
-def object_mesh(number: int, label: str, box) -> ObjectMesh:
+def box_object(number: int, name: str, box, splats=None) -> SceneObject:
     """A box of which the corners at the bottom were never seen."""
     mesh = box_mesh(box)
-    state = np.zeros((2, 2, 2), np.uint8)
-    grid = EvidenceGrid(origin=box[0].astype(float), voxel=0.1, state=state, sdf=np.zeros(state.shape, np.float32))
     seen = mesh.vertices[:, 2] > mesh.vertices[:, 2].min()
-    return ObjectMesh(id=number, label=label, mesh=mesh, observed=seen, evidence=grid)
+    state = np.array([[[0, 1], [2, 0]], [[2, 1], [0, 0]]], np.uint8)
+    sdf = np.where(state == 2, np.float32(0.03), np.float32(0))
+    grid = EvidenceGrid(origin=box[0].astype(float), voxel=0.1, state=state, sdf=sdf)
+    surface = FlaggedMesh(mesh=mesh, observed=seen)
+    return SceneObject(id=number, name=name, observed=surface, evidence=grid, splats=splats)
 
 
-def box_assets(ids=(1, 2), units_per_metre=1.0) -> SceneAssets:
+def box_scene(ids=(1, 2), units_per_metre=1.0) -> Scene:
     """The room of tests/captures.py with its two boxes, numbered as asked, ten splats on each and ten on the floor."""
     boxes = list(OBJECTS.values())
     generator = torch.Generator().manual_seed(0)
-    means, labels = [], []
+    means, numbers = [], []
     for number, box in zip((0, *ids), (ROOM_BOX, *boxes), strict=True):
         low, high = torch.from_numpy(box).float()
         means.append(low + (high - low) * torch.rand(10, 3, generator=generator))
-        labels += [number] * 10
+        numbers += [number] * 10
     positions = torch.cat(means)
     splats = Gaussians(
         means=positions,
@@ -50,14 +52,22 @@ def box_assets(ids=(1, 2), units_per_metre=1.0) -> SceneAssets:
         opacity_logits=torch.full((len(positions),), 4.0),
         sh=torch.rand(len(positions), 4, 3, generator=generator),
     )
-    return SceneAssets(
-        reconstruction=Reconstruction(
-            gaussians=splats,
-            labels=torch.tensor(labels, dtype=torch.int16),
-            metrics={"held_out_psnr_db": 21.5, "train_psnr_db": float("nan")},
+    labels = torch.tensor(numbers, dtype=torch.int16)
+    camera = Camera(
+        focal_px=torch.tensor([50.1, 50.2]),
+        centre_px=torch.tensor([32.3, 24.4]),
+        width=64,
+        height=48,
+        world_from_cam=torch.eye(4),
+    )
+    return Scene(
+        splats=splats,
+        labels=labels,
+        mesh=inside_out(box_mesh(ROOM_BOX, (210, 205, 190))),
+        objects=tuple(box_object(n, f"box {n}", box, splats[labels == n]) for n, box in zip(ids, boxes, strict=True)),
+        cameras={"images/1.png": camera},
+        world=World(
+            up=np.array([0.0, 0.0, 1.0]), floor=0.0, confidence=0.9, units_per_metre=units_per_metre, metric=True
         ),
-        scene=inside_out(box_mesh(ROOM_BOX, (210, 205, 190))),
-        objects=tuple(object_mesh(n, f"box {n}", box) for n, box in zip(ids, boxes, strict=True)),
-        units_per_metre=units_per_metre,
-        metric=True,
+        metrics={"held_out_psnr_db": 21.5, "train_psnr_db": float("nan")},
     )

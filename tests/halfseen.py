@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from goc.complete import Measured
 from goc.geometry.isosurface import grid_surface
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh, SceneObject
 
 RADIUS, CENTRE, VOXEL = 0.4, np.array([1.0, 2.0, 0.6]), 0.025
 BAND = 3 * VOXEL
@@ -19,8 +20,14 @@ def sphere_distance(grid, centre, radius):
     return np.linalg.norm(positions(grid) - centre, axis=-1) - radius
 
 
+def as_object(found, number=3, name="ball"):
+    """What was measured, as extraction hands it on."""
+    surface = FlaggedMesh(mesh=found.mesh, observed=np.ones(len(found.mesh.vertices), bool))
+    return SceneObject(id=number, name=name, observed=surface, evidence=found.evidence)
+
+
 def half_seen():
-    """The object, its radius and centre. Rays come down along z; beside the sphere they pass to the box's floor."""
+    """What was measured of it, its radius and centre. Rays come down along z, past it to the box's floor."""
     shape = (42, 42, 42)
     blank = EvidenceGrid(
         origin=CENTRE - VOXEL * 20.5,
@@ -48,5 +55,4 @@ def half_seen():
     number[used] = np.arange(len(used))
     colours = np.where(vertices[used, :1] > CENTRE[0], [[220, 30, 30]], [[30, 30, 220]]).astype(np.uint8)
     mesh = Mesh(vertices=vertices[used], faces=number[faces[cap]], colours=colours)
-    found = ObjectMesh(id=3, label="ball", mesh=mesh, observed=np.ones(len(used), bool), evidence=evidence)
-    return found, RADIUS, CENTRE
+    return Measured(mesh=mesh, evidence=evidence), RADIUS, CENTRE

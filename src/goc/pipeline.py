@@ -7,13 +7,15 @@ from goc.capture import CaptureConfig, load_capture
 from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
-from goc.extract import ExtractConfig, extract_objects, fuse_scene, rendered_views
+from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
+from goc.files import write_png
+from goc.files.layout import OVERVIEW, REPORT
 from goc.priors.segmentation import SegmentConfig, segment
 from goc.raster import CPU, choose_engine, working_device
 from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
-from goc.report import write_report
-from goc.runs import REPORT, RunRecord, claim_output
-from goc.scene import SceneAssets
+from goc.report import draw_overview, write_report
+from goc.runs import RunRecord, claim_output
+from goc.scene import Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,6 +30,8 @@ class CarveConfig:
     """Optimising the splats."""
     extract: ExtractConfig = field(default_factory=ExtractConfig)
     """Meshing the scene and its objects."""
+    world: WorldConfig = field(default_factory=WorldConfig)
+    """Up and floor, for those who know them."""
     complete: CompleteConfig = field(default_factory=CompleteConfig)
     """Closing the objects."""
     export: ExportConfig = field(default_factory=ExportConfig)
@@ -53,7 +57,7 @@ PRESETS = {
 
 def carve(
     source: Path, out: Path, config: CarveConfig | None = None, notify: Listener = ignore, resume: bool = False
-) -> SceneAssets:
+) -> Scene:
     """Turn a folder of posed photographs into a scene and separate objects (Fig. 2), and write them to `out`.
 
     Args:
@@ -86,25 +90,18 @@ def carve(
                 voting = splats.gaussians.to(engine.device)
                 splats = replace(splats, labels=vote_labels(voting, views, list(range(len(views))), run))
         with run.stage("extract"):
-            scene = fuse_scene(views, config.extract, run, engine.device)
-            objects = extract_objects(views, config.extract, run, engine.device)
+            scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
         with run.stage("complete"):
             device = CPU if config.reconstruct.engine == "cpu" else working_device()  # a network needs no gsplat
-            completed = complete_objects(objects, config.complete, run, device)
-        assets = SceneAssets(
-            reconstruction=splats,
-            scene=scene,
-            objects=objects,
-            completed=completed,
-            units_per_metre=capture.units_per_metre,
-            metric=capture.metric,
-        )
+            scene = complete_objects(scene, config.complete, run, device)
         with run.stage("export"):
-            export_scene(assets, views, output.staged, _title(source), config.export, run)
+            export_scene(output.staged, scene)
+            overview = draw_overview(scene, views, _title(source), config.export.overview_views, run)
+            write_png(output.staged / OVERVIEW, overview)
         used = replace(config, reconstruct=replace(config.reconstruct, engine=engine.name))
-        write_report(output.staged / REPORT, source, given, assets, run, used)
+        write_report(output.staged / REPORT, source, given, scene, run, used)
         output.publish()
-    return assets
+    return scene
 
 
 def _title(source: Path) -> str:

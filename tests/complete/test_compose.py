@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy import ndimage
 
-from goc.complete import CompleteConfig, complete_objects, compose, compose_field, evidence_hull, with_margin
+from goc.complete import CompleteConfig, Measured, close_objects, compose, compose_field, evidence_hull, with_margin
 from goc.complete.compose import without_cavities, without_pockets
 from goc.errors import ConfigError
 from goc.events import Progress, Warned
 from goc.geometry.isosurface import grid_surface
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
-from halfseen import half_seen, sphere_distance
+from goc.scene import Evidence, EvidenceGrid, Mesh
+from halfseen import as_object, half_seen, sphere_distance
 from oracles.watertight import signed_volume, trouble
 
 
@@ -29,7 +29,7 @@ def points_of(state):
 
 def bare(evidence, points):
     mesh = Mesh(vertices=points.astype(np.float32), faces=np.zeros((0, 3), np.int32))
-    return ObjectMesh(id=1, label="thing", mesh=mesh, observed=np.ones(len(points), bool), evidence=evidence)
+    return Measured(mesh=mesh, evidence=evidence)
 
 
 @given(arrays(np.float32, (6, 5, 7), elements=st.floats(-1, 1, width=32)))
@@ -195,13 +195,17 @@ def test_the_stage_closes_what_it_can_and_says_what_it_cannot():
         sdf=np.zeros((4, 4, 4), np.float32),
     )
     heard = []
-    done = complete_objects((found, bare(nothing, np.zeros((1, 3)))), CompleteConfig(method="hull"), heard.append)
-    assert [item.id for item in done] == [found.id]
-    assert [event.done for event in heard if isinstance(event, Progress)] == [1, 2]
+    dust = as_object(bare(nothing, np.zeros((1, 3))), 1, "dust")
+    given = (as_object(found), dust, replace(as_object(found, 4), evidence=None))
+    done = close_objects(given, CompleteConfig(method="hull"), heard.append)
+    assert [(item.id, item.solid is not None) for item in done] == [(3, True), (1, False), (4, False)]
+    assert done[0].evidence is given[0].evidence and done[0].observed is given[0].observed
+    assert [event.done for event in heard if isinstance(event, Progress)] == [1, 2, 3]
     assert [event.message for event in heard if isinstance(event, Warned)] == [
-        "Object 1 (thing) cannot be closed: it has no faces. It has its measured surface only."
+        "Object 1 (dust) cannot be closed: it has no faces. It has its measured surface only.",
+        "Object 4 (ball) cannot be closed: its surface or its evidence is missing. It has its measured surface only.",
     ]
-    assert complete_objects((found,), CompleteConfig(method="none")) == ()
+    assert close_objects(given, CompleteConfig(method="none")) == given
 
 
 @pytest.mark.parametrize(
@@ -247,14 +251,11 @@ def test_what_a_small_object_fills_is_empty_for_the_large_one_below():
         origin=cup.origin + [0, 0, 8], voxel=1.0, state=cup.state[:, :, 8:].copy(), sdf=cup.sdf[:, :, 8:].copy()
     )
     table = block((2, 2, 3), (21, 21, 7), beside)
-    things = (
-        replace(bare(table, points_of(table.state)), id=1),
-        replace(bare(cup, points_of(cup.state) + [0, 0, 8]), id=2),
-    )
-    alone = compose(things[0], None)
-    assert alone.mesh.vertices[:, 2].max() > 12
-    table_done, cup_done = complete_objects(things, CompleteConfig(method="hull"))
-    assert [table_done.id, cup_done.id] == [1, 2]
-    assert 7 < table_done.mesh.vertices[:, 2].max() < 8.6
-    assert cup_done.mesh.vertices[:, 2].min() > 7
-    assert trouble(table_done.mesh.vertices, table_done.mesh.faces) == ""
+    below, above = bare(table, points_of(table.state)), bare(cup, points_of(cup.state) + [0, 0, 8])
+    assert compose(below, None).mesh.vertices[:, 2].max() > 12
+    done = close_objects((as_object(below, 1), as_object(above, 2)), CompleteConfig(method="hull"))
+    table_mesh, cup_mesh = (item.solid.mesh for item in done)
+    assert [item.id for item in done] == [1, 2]
+    assert 7 < table_mesh.vertices[:, 2].max() < 8.6
+    assert cup_mesh.vertices[:, 2].min() > 7
+    assert trouble(table_mesh.vertices, table_mesh.faces) == ""

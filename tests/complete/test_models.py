@@ -11,7 +11,7 @@ from goc.complete import (
     LiteConfig,
     bounding_cube,
     build,
-    complete_objects,
+    close_objects,
     compose,
     model_fill,
     save_network,
@@ -21,7 +21,7 @@ from goc.complete.stage import narrowed
 from goc.errors import CompleteError
 from goc.geometry.surfaces import vertex_normals
 from goc.scene import Evidence
-from halfseen import half_seen, positions
+from halfseen import as_object, half_seen, positions
 from oracles.watertight import signed_volume, trouble
 
 TINY = LiteConfig(cells=16, fine=8, middle=8, width=16, blocks=1, heads=2, hidden=8)
@@ -65,7 +65,8 @@ def test_weights_on_disk_complete_objects(tmp_path):
     save_network(tmp_path / "lite.safetensors", build(TINY))
     found, radius, centre = half_seen()
     config = CompleteConfig(method="lite", weights=tmp_path / "lite.safetensors", coarse_cells=16)
-    (done,) = complete_objects((found,), config)
+    (item,) = close_objects((as_object(found),), config)
+    done = item.solid
     assert trouble(done.mesh.vertices, done.mesh.faces) == ""
     off = np.linalg.norm(done.mesh.vertices - centre, axis=1) - radius
     assert np.abs(off[done.observed]).max() < 0.1 * found.evidence.voxel
@@ -73,7 +74,7 @@ def test_weights_on_disk_complete_objects(tmp_path):
     passed = positions(grid)[grid.state == Evidence.EMPTY]
     assert signed_volume(done.mesh.vertices, done.mesh.faces) < grid.voxel**3 * (grid.state.size - len(passed))
     with pytest.raises(CompleteError, match=r"lite\.safetensors: these are not weights of osc"):
-        complete_objects((found,), replace(config, method="osc"))
+        close_objects((as_object(found),), replace(config, method="osc"))
 
 
 def test_the_band_that_a_network_is_shown_is_as_wide_as_in_training():

@@ -7,7 +7,7 @@ from scipy.ndimage import map_coordinates
 from goc.cli import main
 from goc.complete import ScanConfig, complete_scan, with_margin
 from goc.complete.poisson import poisson_fill
-from goc.complete.scan import scanned_object
+from goc.complete.scan import measured_scan
 from goc.errors import CompleteError, ConfigError, FileError
 from goc.events import Warned
 from goc.files import read_observed_mesh, read_scan, write_mesh, write_points
@@ -67,7 +67,7 @@ def test_the_screened_surface_passes_through_its_points():
     cloud = PointCloud(
         positions=points.astype(np.float32), colours=np.zeros((len(points), 3), np.uint8), normals=normals
     )
-    grid = with_margin(scanned_object(cloud, 48).evidence)
+    grid = with_margin(measured_scan(cloud, 48).evidence)
     fill = poisson_fill(cloud.positions, normals, grid)
     assert fill.shape == grid.state.shape
     off = map_coordinates(fill, ((points - grid.origin) / grid.voxel).T, order=1)

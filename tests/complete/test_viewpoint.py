@@ -5,7 +5,7 @@ import pytest
 
 from goc.cli import main
 from goc.complete import ScanConfig, complete_scan
-from goc.complete.scan import scanned_object
+from goc.complete.scan import measured_scan
 from goc.complete.viewpoint import carve_free_space
 from goc.errors import CompleteError, ConfigError
 from goc.files import write_points
@@ -57,7 +57,7 @@ def slow_passed(grid, cloud, margin):
 
 def test_space_in_front_and_beside_is_empty_and_behind_unknown():
     cloud = front()
-    grid = scanned_object(cloud, 32).evidence
+    grid = measured_scan(cloud, 32).evidence
     seen = carve_free_space(grid, cloud.positions, EYE)
     assert np.array_equal(seen.state == Evidence.SURFACE, grid.state == Evidence.SURFACE)
     assert np.array_equal(seen.sdf, grid.sdf)
@@ -74,7 +74,7 @@ def test_space_in_front_and_beside_is_empty_and_behind_unknown():
 @pytest.mark.parametrize(("inner", "through"), [(0.05, False), (0.2, True)])
 def test_a_hole_is_seen_through_where_it_is_large_and_the_sensor_s_where_it_is_small(inner, through):
     cloud = front(inner)
-    grid = scanned_object(cloud, 32).evidence
+    grid = measured_scan(cloud, 32).evidence
     seen = carve_free_space(grid, cloud.positions, EYE)
     off = places(grid) - CENTRE
     axis = (np.linalg.norm(off[..., [0, 2]], axis=-1) < grid.voxel) & (off[..., 1] > 0)

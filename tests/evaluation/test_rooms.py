@@ -67,7 +67,7 @@ def test_truth_that_is_absent_or_broken_is_refused(tmp_path, room):
 def test_exact_depth_reaches_the_figures_of_a_plain_fusion(data_root, tmp_path):
     """study, 50 views; a plain TSDF fusion has F@5cm 0.961, accuracy 0.0043, chamfer 0.0102 m, scene F@5cm 0.993."""
     capture = load_capture(data_root / "bench/study/transforms_sparse.json")
-    objects = {found.id: found.mesh for found in extract_objects(capture, ExtractConfig())}
+    objects = {found.id: found.observed.mesh for found in extract_objects(capture, ExtractConfig())}
     run = write_run(tmp_path, objects, fuse_scene(capture, ExtractConfig()))
     found = evaluate(run, data_root / "bench/study")
     assert found.missing == []

@@ -52,25 +52,25 @@ def outside(points, solids):
 def test_objects_keep_their_ids_and_lie_on_their_boxes(objects):
     assert sorted(objects) == [1, 4]
     for number, found in objects.items():
-        off = np.abs(outside(found.mesh.vertices, BOXES[number]))
+        off = np.abs(outside(found.observed.mesh.vertices, BOXES[number]))
         voxel = 0.02
         assert np.median(off) < (0.1 if number == 4 else 0.25) * voxel  # the board is thinner than the truncation
         assert np.mean(off < voxel / 2) > (0.97 if number == 4 else 0.85)  # the board's rim
         assert off.max() < 4.5 * voxel
-        assert found.label == f"object {number}"
-        assert found.mesh.colours is not None and len(found.mesh.colours) == len(found.mesh.vertices)
-        assert found.observed.mean() > 0.9
+        assert found.name == f"object {number}"
+        assert len(found.observed.mesh.colours) == len(found.observed.mesh.vertices)
+        assert found.observed.observed.mean() > 0.9
 
 
 def test_thin_legs_survive(objects):
-    low = objects[1].mesh.vertices[objects[1].mesh.vertices[:, 2] < 0.5]
+    low = objects[1].observed.mesh.vertices[objects[1].observed.mesh.vertices[:, 2] < 0.5]
     legs = {(x > 0, y > 0.7) for x, y in low[:, :2]}
     assert len(legs) == 4
     assert low[:, 2].min() < 0.04
 
 
 def test_faces_look_outwards(objects):
-    mesh = objects[4].mesh
+    mesh = objects[4].observed.mesh
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     outwards = ((a + b + c) / 3 - np.array([0.15, 0.6, 0.87])) * np.cross(b - a, c - a)
     assert (outwards.sum(axis=1) > 0).mean() > 0.99
@@ -143,11 +143,11 @@ def test_noise_and_flickering_ids_change_little(objects):
         frames[index] = replace(frame, ids=torch.roll(frame.ids, shift, (0, 1)))
     noisy = replace(box_room(BOXES, all_round()), frames=StoredFrames(tuple(frames)))
     for found in extract_objects(noisy, CONFIG):
-        off = np.abs(outside(found.mesh.vertices, BOXES[found.id]))
+        off = np.abs(outside(found.observed.mesh.vertices, BOXES[found.id]))
         assert off.mean() < 0.006 and off.max() < 0.08
-        exact = objects[found.id].mesh
-        assert found.mesh.vertices.min(axis=0) == pytest.approx(exact.vertices.min(axis=0), abs=0.08)
-        assert found.mesh.vertices.max(axis=0) == pytest.approx(exact.vertices.max(axis=0), abs=0.08)
+        exact = objects[found.id].observed.mesh
+        assert found.observed.mesh.vertices.min(axis=0) == pytest.approx(exact.vertices.min(axis=0), abs=0.08)
+        assert found.observed.mesh.vertices.max(axis=0) == pytest.approx(exact.vertices.max(axis=0), abs=0.08)
 
 
 def test_a_moved_and_scaled_room_gives_the_moved_and_scaled_meshes(objects):
@@ -157,19 +157,19 @@ def test_a_moved_and_scaled_room_gives_the_moved_and_scaled_meshes(objects):
     moved = extract_objects(box_room(BOXES, all_round(), moved=Pose(turn, 2.5)), CONFIG)
     assert [found.id for found in moved] == [1, 4]
     for found in moved:
-        back = found.mesh.vertices / 2.5 @ turn
+        back = found.observed.mesh.vertices / 2.5 @ turn
         off = np.abs(outside(back, BOXES[found.id]))
         assert np.mean(off < 0.01) > (0.95 if found.id == 4 else 0.8)
-        assert back.min(axis=0) == pytest.approx(objects[found.id].mesh.vertices.min(axis=0), abs=0.03)
+        assert back.min(axis=0) == pytest.approx(objects[found.id].observed.mesh.vertices.min(axis=0), abs=0.03)
         assert found.evidence.voxel > 1.5 * objects[found.id].evidence.voxel
-        assert found.observed.mean() > 0.9
+        assert found.observed.observed.mean() > 0.9
 
 
 def test_turns_do_not_change_the_result(room, objects):
     heard = []
     one_by_one = extract_objects(room, replace(CONFIG, memory_blocks=1), heard.append)
     for found in one_by_one:
-        assert np.array_equal(found.mesh.vertices, objects[found.id].mesh.vertices)
+        assert np.array_equal(found.observed.mesh.vertices, objects[found.id].observed.mesh.vertices)
         assert np.array_equal(found.evidence.state, objects[found.id].evidence.state)
     assert sum(event.stage == "fuse objects" for event in heard if isinstance(event, Progress)) == 2 * len(room)
 
@@ -185,7 +185,7 @@ def test_a_scene_that_does_not_fit_gets_larger_voxels(room):
 def test_a_label_that_nobody_sees_is_warned_about(room):
     heard = []
     found = extract_objects(replace(room, id_names={0: "room", 1: "table", 9: "ghost"}), CONFIG, heard.append)
-    assert [item.label for item in found] == ["table", "object 4"]
+    assert [item.name for item in found] == ["table", "object 4"]
     warned = [event.message for event in heard if isinstance(event, Warned)]
     assert warned == [f"Object 9 (ghost) is measured in none of {len(room)} views: no mesh for it."]
 

@@ -11,6 +11,7 @@ from assets import box_mesh
 from goc.errors import FileError
 from goc.files import write_glb
 from goc.geometry.surfaces import vertex_normals
+from goc.scene import World
 
 BOX = np.array([[1.0, 2.0, 0.0], [2.0, 4.0, 5.0]])
 
@@ -36,8 +37,14 @@ def array(document, body, index):
     return flat.reshape(accessor["count"], -1)
 
 
-def written(path, mesh, up=(0.0, 0.0, 1.0), units_per_metre=1.0):
-    write_glb(path, mesh, vertex_normals(mesh), np.array(up), units_per_metre, "box")
+def level(up=(0.0, 0.0, 1.0), units_per_metre=1.0, floor=0.0):
+    up = np.array(up, float)
+    world = World(up=up, floor=floor, confidence=1.0, units_per_metre=units_per_metre, metric=True)
+    return world.level_from_world
+
+
+def written(path, mesh, **world):
+    write_glb(path, mesh, vertex_normals(mesh), level(**world), "box")
     document, body = parsed(path)
     attributes = document["meshes"][0]["primitives"][0]["attributes"]
     return document, {name: array(document, body, index) for name, index in attributes.items()}, body
@@ -60,8 +67,18 @@ def test_z_up_becomes_y_up_in_metres(tmp_path):
 def test_any_up_becomes_y(tmp_path):
     up = np.array([1.0, -2.0, 2.0]) / 3
     mesh = box_mesh(BOX)
-    _, parts, _ = written(tmp_path / "box.glb", mesh, up=tuple(up))
-    np.testing.assert_allclose(parts["POSITION"][:, 1], mesh.vertices @ up, atol=1e-5)
+    _, parts, _ = written(tmp_path / "box.glb", mesh, up=up, units_per_metre=4.0, floor=0.5)
+    np.testing.assert_allclose(parts["POSITION"][:, 1], (mesh.vertices @ up - 0.5) / 4, atol=1e-5)
+    np.testing.assert_allclose(np.linalg.norm(parts["NORMAL"], axis=1), 1, atol=1e-6)
+    apart = np.linalg.norm(mesh.vertices[:, None] - mesh.vertices, axis=-1)
+    moved = np.linalg.norm(parts["POSITION"][:, None] - parts["POSITION"], axis=-1)
+    np.testing.assert_allclose(moved, apart / 4, atol=1e-5)
+
+
+def test_what_is_y_up_stays_as_it_is(tmp_path):
+    mesh = box_mesh(BOX)
+    _, parts, _ = written(tmp_path / "box.glb", mesh, up=(0.0, 1.0, 0.0))
+    np.testing.assert_allclose(parts["POSITION"], mesh.vertices, atol=1e-6)
 
 
 def test_colours_are_linear(tmp_path):
@@ -78,5 +95,5 @@ def test_what_gltf_cannot_say_is_refused(tmp_path):
     broken = mesh.vertices.copy()
     broken[3] = np.nan
     with pytest.raises(FileError, match=r"a\.glb: 1 of 8 vertices are not finite"):
-        write_glb(tmp_path / "a.glb", replace(mesh, vertices=broken), mesh.vertices, np.eye(3)[2], 1.0, "box")
+        write_glb(tmp_path / "a.glb", replace(mesh, vertices=broken), mesh.vertices, level(), "box")
     assert list(tmp_path.iterdir()) == []

@@ -80,6 +80,6 @@ def test_both_engines_make_the_same_meshes(views, monkeypatch):
     device = fuse_scene(room, config), extract_objects(room, config)
     assert abs(len(native[0].vertices) - len(device[0].vertices)) <= 0.002 * len(native[0].vertices)
     for one, other in zip(native[1], device[1], strict=True):
-        assert (one.id, one.label) == (other.id, other.label)
+        assert (one.id, one.name) == (other.id, other.name)
         assert one.evidence.state.shape == other.evidence.state.shape
         assert (one.evidence.state != other.evidence.state).mean() < 2e-3

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 import torch
 
-from assets import box_assets, box_mesh, inside_out
+from assets import box_mesh, box_scene, inside_out
 from captures import write_nerfstudio
 from goc.capture import load_capture
 from goc.errors import ConfigError
 from goc.export import ExportConfig
 from goc.report import draw_overview
 from goc.report.canvas import Canvas, plain
-from goc.report.overview import choose_views, up_of
+from goc.report.overview import _measures, choose_views
 from goc.report.palette import colour_of_id, colours_of_depth, colours_of_ids
 from goc.report.portraits import dollhouse, portrait
 from goc.runs import RunRecord
@@ -107,31 +107,28 @@ def test_views_are_chosen_for_what_they_show(capture):
     assert len(choose_views(blind, 3)) == 3
 
 
-def test_up_is_where_people_hold_their_cameras_up(capture):
-    assert np.array_equal(up_of(capture), UP)
-    tilt = torch.tensor([[1.0, 0, 0], [0, 0.5**0.5, -(0.5**0.5)], [0, 0.5**0.5, 0.5**0.5]])
-    tilted = []
-    for camera in capture.cameras:
-        pose = camera.world_from_cam.clone()
-        pose[:3, :3] = tilt @ pose[:3, :3]
-        tilted.append(replace(camera, world_from_cam=pose))
-    found = up_of(replace(capture, cameras=tuple(tilted)))
-    assert np.degrees(np.arccos(found @ tilt.double().numpy() @ UP)) < 20
-
-
 @pytest.mark.parametrize("count", [0, 1, 8, 9, 40])
 def test_the_overview_holds_any_number_of_objects(capture, count, monkeypatch):
     for name in ("portrait", "dollhouse"):
         monkeypatch.setattr(f"goc.report.overview.{name}", lambda mesh, up, size: np.zeros((size, size, 3), np.uint8))
-    assets = box_assets()
-    many = tuple(replace(assets.objects[n % 2], id=n + 1) for n in range(count))
+    scene = box_scene()
+    many = tuple(replace(scene.objects[n % 2], id=n + 1) for n in range(count))
+    scene = replace(scene, objects=many, world=replace(scene.world, metric=False))
     events = []
     record = RunRecord(events.append)
-    page = draw_overview(replace(assets, objects=many, metric=False), capture, "many", 2, record)
+    page = draw_overview(scene, capture, "many", 2, record)
     rows = 2 + max(0, -(-(count - 8) // 6))
     assert page.shape[1] == 1720
     assert page.shape[0] > 2 * 300 + rows * 300
     assert events[-1].done == events[-1].total == 3 + count
+
+
+def test_objects_are_pictured_and_measured_as_far_as_they_are_there():
+    first = box_scene().objects[0]
+    assert _measures(first, 1.0) == "0.90 x 0.80 x 0.70 m · 12 faces"
+    closed = replace(first, solid=first.observed)
+    assert _measures(closed, 10.0).startswith("0.09 x 0.08 x 0.07 m · ") and _measures(closed, 1.0).endswith("% filled")
+    assert _measures(replace(first, observed=None), 1.0) == "no surface"
 
 
 def test_the_number_of_views_has_bounds():

@@ -3,7 +3,8 @@ import fcntl
 import pytest
 
 from goc.errors import ExportError
-from goc.runs import REPORT, check_output, claim_output, is_stopped_run
+from goc.files.layout import REPORT
+from goc.runs import check_output, claim_output, is_stopped_run
 
 
 def fill(folder, *names):
@@ -54,6 +55,7 @@ def test_a_folder_with_content_is_refused_and_untouched(tmp_path, content):
 
 def test_overwriting_replaces_what_goc_wrote_and_nothing_else(tmp_path):
     run(tmp_path, REPORT, "scene/mesh.ply", "objects/7/observed.ply", "objects/8/observed.ply", "objects/9/splats.ply")
+    fill(tmp_path, "scene.json", "scene/labels.safetensors", "objects/8/evidence.safetensors", "objects/9/mesh.glb")
     foreign = ["objects/9/mine.ply", "objects/readme.txt", "scene/notes.txt", "objects/seven/observed.ply"]
     fill(tmp_path, *foreign)
     (tmp_path / "objects/7/observed.ply").write_text("older")

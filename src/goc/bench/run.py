@@ -5,21 +5,22 @@ import shutil
 import subprocess
 import sys
 import time
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Literal
 
-import msgspec
-
 from goc.bench.plan import TRANSFORMS, Method, Run
 from goc.bench.result import Result
 from goc.capture import load_capture
-from goc.complete import CompleteConfig, complete_objects
+from goc.complete import CompleteConfig, close_objects
 from goc.errors import BenchError
 from goc.evaluation import Evaluation, evaluate
 from goc.events import ignore
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
-from goc.files import is_file, read_json, write_json, write_mesh
+from goc.files import is_file, object_files, object_ids, read_json, write_json, write_meshes
+from goc.files.layout import REPORT
+from goc.report import read_report
 from goc.runs import RunRecord, is_stopped_run
 
 RESULT = "result.json"
@@ -30,12 +31,15 @@ _CARVED = "carved"
 _CLOSED_BY: dict[Method, Literal["none", "hull", "lite"]] = {"fuse": "none", "fuse-hull": "hull", "fuse-lite": "lite"}
 
 
-class _Report(msgspec.Struct):
-    """What is read of a run's report.json."""
+@dataclass(frozen=True, kw_only=True)
+class _Told:
+    """What a run tells of itself."""
 
-    metrics: dict[str, float | None]
-    seconds: dict[str, float]
-    peak_memory_mb: float | None
+    stages: dict[str, float]
+    """Seconds a stage."""
+    peak_memory_mb: float | None = None
+    psnr_db: float | None = None
+    """In held-out views, where there are splats."""
 
 
 def kept_result(folder: Path, run: Run) -> Result | None:
@@ -63,30 +67,30 @@ def measure(run: Run, capture: Path, truth: Path, folder: Path) -> Result:
     carves, resumes = run.method == "carve", is_stopped_run(made)
     started = time.perf_counter()
     if carves:
-        report = _carve([*command[1:], "--resume" if resumes else "--overwrite"], own)
+        told = _carve([*command[1:], "--resume" if resumes else "--overwrite"], own)
     else:
-        report = _fuse(source, made, CompleteConfig(method=_CLOSED_BY[run.method]))
+        told = _fuse(source, made, CompleteConfig(method=_CLOSED_BY[run.method]))
     seconds = time.perf_counter() - started
     scores = evaluate(made, truth, meshes="observed")
-    closed = any(made.glob("objects/*/mesh.ply"))
+    closed = any(is_file(object_files(made, id).solid) for id in object_ids(made))
     result = Result(
         run=run.name,
         command=shlex.join(command) if carves else f"fused {source}",
         commit=source_commit(),
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         seconds=None if resumes else round(seconds, 1),
-        stages=report.seconds,
-        peak_memory_mb=report.peak_memory_mb,
+        stages=told.stages,
+        peak_memory_mb=told.peak_memory_mb,
         objects=scores.counts.objects,
         found=scores.counts.found,
-        values=flat_scores(scores) | {"psnr_db": report.metrics.get("held_out_psnr_db")},
+        values=flat_scores(scores) | {"psnr_db": told.psnr_db},
         completed=flat_scores(evaluate(made, truth, meshes="completed")) if closed else {},
     )
     write_json(own / RESULT, result)
     return result
 
 
-def _carve(words: list[str], own: Path) -> _Report:
+def _carve(words: list[str], own: Path) -> _Told:
     """In a process of its own, so that time and memory are the command's."""
     with (own / _LOG).open("a", encoding="utf-8") as log:
         done = subprocess.run(
@@ -97,25 +101,23 @@ def _carve(words: list[str], own: Path) -> _Report:
         raise BenchError(
             f"{own.name}: goc carve ended with {done.returncode}: {' '.join(last)} (all of it: {own / _LOG})"
         )
-    return read_json(own / _CARVED / "report.json", _Report)
+    report = read_report(own / _CARVED / REPORT)
+    psnr = report.metrics.get("held_out_psnr_db")
+    return _Told(stages=report.seconds, peak_memory_mb=report.peak_memory_mb, psnr_db=psnr)
 
 
-def _fuse(source: Path, out: Path, completion: CompleteConfig) -> _Report:
+def _fuse(source: Path, out: Path, completion: CompleteConfig) -> _Told:
     """Write the meshes that exact depth and ids give, laid out as `goc carve` does."""
     record = RunRecord(ignore)
     shutil.rmtree(out, ignore_errors=True)
     with record.stage("capture"):
         capture = load_capture(source)
     with record.stage("extract"):
-        scene, objects = fuse_scene(capture, ExtractConfig()), extract_objects(capture, ExtractConfig())
+        mesh, objects = fuse_scene(capture, ExtractConfig()), extract_objects(capture, ExtractConfig())
     with record.stage("complete"):
-        closed = complete_objects(objects, completion)
-    write_mesh(out / "scene" / "mesh.ply", scene)
-    for name, items in (("observed.ply", objects), ("mesh.ply", closed)):
-        for item in items:
-            write_mesh(out / "objects" / str(item.id) / name, item.mesh, item.observed)
-    seconds = {stage: round(took, 2) for stage, took in record.seconds.items()}
-    return _Report(metrics={}, seconds=seconds, peak_memory_mb=None)
+        objects = close_objects(objects, completion)
+    write_meshes(out, mesh, objects)
+    return _Told(stages={stage: round(took, 2) for stage, took in record.seconds.items()})
 
 
 def flat_scores(scores: Evaluation) -> dict[str, float | None]:

@@ -17,12 +17,13 @@ from goc.cli.progress import duration, shown_progress
 from goc.complete import CompleteConfig
 from goc.errors import ConfigError
 from goc.export import ExportConfig
-from goc.extract import ExtractConfig
+from goc.extract import ExtractConfig, WorldConfig
+from goc.files import layout
 from goc.pipeline import PRESETS, CarveConfig, carve
 from goc.priors.segmentation import SegmentConfig
 from goc.reconstruct import ReconstructConfig
 from goc.runs import is_stopped_run
-from goc.scene import SceneAssets
+from goc.scene import Scene
 
 _DESCRIPTION = """Turn a folder of posed photographs into a scene and separate objects.
 
@@ -60,6 +61,7 @@ class Arguments:
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
     extract: ExtractConfig = field(default_factory=ExtractConfig)
+    world: WorldConfig = field(default_factory=WorldConfig)
     complete: CompleteConfig = field(default_factory=CompleteConfig)
 
     def config(self) -> CarveConfig:
@@ -76,6 +78,7 @@ class Arguments:
             segment=segment,
             reconstruct=reconstruct,
             extract=self.extract,
+            world=self.world,
             complete=self.complete,
             export=ExportConfig(overwrite=self.overwrite),
         )
@@ -106,11 +109,11 @@ def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Seq
     started = time.monotonic()
     try:
         with shown_progress() as notify:
-            assets = carve(source, out, config, notify, resume)
+            scene = carve(source, out, config, notify, resume)
     except KeyboardInterrupt:
         say(_how_to_go_on(out, command))
         return STOPPED
-    sys.stdout.write(_summary(assets, out, time.monotonic() - started))
+    sys.stdout.write(_summary(scene, out, time.monotonic() - started))
     return 0
 
 
@@ -131,14 +134,14 @@ def _how_to_go_on(out: Path, command: Sequence[str]) -> str:
     return f"stopped; the last checkpoint is on disk. Continue with: {again}"
 
 
-def _summary(assets: SceneAssets, out: Path, seconds: float) -> str:
-    count = len(assets.objects)
-    closed = "mesh.glb, mesh.ply (closed), " if assets.completed else ""
+def _summary(scene: Scene, out: Path, seconds: float) -> str:
+    count = len(scene.objects)
+    closed = "mesh.glb, mesh.ply (closed), " if any(item.solid is not None for item in scene.objects) else ""
     lines = [
         f"{count} object{'s' * (count != 1)} in {duration(seconds)}.",
-        f"  look at   {out / 'overview.png'}",
-        f"  scene     {out / 'scene' / 'mesh.ply'}, {out / 'scene' / 'splats.ply'}",
+        f"  look at   {out / layout.OVERVIEW}",
+        f"  scene     {out / layout.SCENE_MESH}, {out / layout.SCENE_SPLATS}",
         f"  objects   {out / 'objects'}/<id>/{closed}observed.ply, splats.ply",
-        f"  figures   {out / 'report.json'}",
+        f"  figures   {out / layout.REPORT}",
     ]
     return "\n".join(lines) + "\n"

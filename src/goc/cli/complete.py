@@ -16,7 +16,7 @@ from goc.errors import ConfigError
 from goc.files import read_scan, write_glb, write_mesh
 from goc.geometry.surfaces import surface_cloud, vertex_normals
 from goc.geometry.topology import is_watertight, signed_volume
-from goc.scene import Mesh, ObjectMesh
+from goc.scene import FlaggedMesh, Mesh, World
 
 _DESCRIPTION = """Close one partial scan: a point cloud or mesh of an object that was seen in part.
 
@@ -65,7 +65,7 @@ def main(words: Sequence[str]) -> int:
     return 0
 
 
-def _completed(arguments: Arguments) -> ObjectMesh:
+def _completed(arguments: Arguments) -> FlaggedMesh:
     given = read_scan(arguments.source)
     if isinstance(given, Mesh):
         if is_watertight(given):
@@ -75,16 +75,17 @@ def _completed(arguments: Arguments) -> ObjectMesh:
         return complete_scan(given, arguments.scan, notify)
 
 
-def _write(done: ObjectMesh, arguments: Arguments) -> None:
+def _write(done: FlaggedMesh, arguments: Arguments) -> None:
     if arguments.out.suffix.lower() == ".ply":
         write_mesh(arguments.out, done.mesh, done.observed)
         return
     y_up = arguments.up == "y" or (arguments.up == "file" and arguments.source.suffix.lower() in (".glb", ".obj"))
     up = np.eye(3)[1 if y_up else 2]
-    write_glb(arguments.out, done.mesh, vertex_normals(done.mesh), up, 1.0, arguments.source.stem)
+    world = World(up=up, floor=0.0, confidence=1.0, units_per_metre=1.0, metric=True)
+    write_glb(arguments.out, done.mesh, vertex_normals(done.mesh), world.level_from_world, arguments.source.stem)
 
 
-def _summary(done: ObjectMesh, out: Path, seconds: float) -> str:
+def _summary(done: FlaggedMesh, out: Path, seconds: float) -> str:
     sides = " x ".join(f"{side:.3g}" for side in np.ptp(done.mesh.vertices, axis=0))
     filled = f"{1 - done.observed.mean():.0%} of the vertices filled in"
     volume = f"volume {signed_volume(done.mesh):.3g} (units of the file)"

@@ -1,6 +1,6 @@
 """Stage 4: an object seen in part in, the whole object out (paper §5)."""
 
-from goc.complete.compose import compose, compose_field, with_margin
+from goc.complete.compose import Measured, closed_surface, compose, compose_field, with_margin
 from goc.complete.config import CompleteConfig, ScanConfig
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.hull import evidence_hull
@@ -20,7 +20,7 @@ from goc.complete.partial import (
     partial_object,
 )
 from goc.complete.scan import complete_scan
-from goc.complete.stage import check_completion, complete_objects, model_fill
+from goc.complete.stage import check_completion, close_objects, complete_objects, model_fill
 from goc.complete.weights import SHIPPED, Network, build, load_network, save_network
 
 __all__ = [
@@ -33,6 +33,7 @@ __all__ = [
     "QueryGrid",
     "LiteConfig",
     "LiteField",
+    "Measured",
     "Network",
     "OccupancyField",
     "Osc",
@@ -47,6 +48,8 @@ __all__ = [
     "build",
     "cell_centres",
     "check_completion",
+    "close_objects",
+    "closed_surface",
     "complete_objects",
     "complete_scan",
     "compose",

@@ -9,7 +9,7 @@ from scipy import ndimage
 from goc.complete.colours import spread_colours
 from goc.complete.hull import BAND, evidence_hull, neighbour_mean, relaxed
 from goc.geometry.isosurface import grid_surface
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh
 
 _MARGIN = 2
 """Empty voxels put round the evidence, so that every surface closes inside the grid."""
@@ -23,6 +23,16 @@ _NARROWEST = 0.03
 was seen (docs/decisions/0031)."""
 _OUTSIDE_LINKS = ndimage.generate_binary_structure(3, 2)
 """Marching cubes here parts inside corners that touch across an edge only, and so joins outside corners that do."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Measured:
+    """What completion starts from: what was measured of one object."""
+
+    mesh: Mesh
+    """Open surface with colours; of a point cloud, its points without faces."""
+    evidence: EvidenceGrid
+    """What is known of the box round it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -71,28 +81,27 @@ def compose_field(
     return Composition(distance=without_cavities(distance), evidence=evidence)
 
 
-def compose(found: ObjectMesh, fill: Float32[np.ndarray, "x y z"] | None) -> ObjectMesh:
+def compose(found: Measured, fill: Float32[np.ndarray, "x y z"] | None) -> FlaggedMesh:
     """A closed mesh from a measured one: see `compose_field`; its vertices are observed or completed.
 
     Args:
-        found: an open surface with its evidence.
+        found: any frame.
         fill: at the voxels of `with_margin(found.evidence)`; None for the hull.
 
     Returns:
-        The object with a watertight mesh (empty if there is no inside at all), world units as given; `observed` where
-        a vertex lies in the measured band. Colours are carried over from the nearest measured ones and
-        spread from there.
+        A watertight mesh (empty if there is no inside at all) in the frame and units given; `observed` where a vertex
+        lies in the measured band. Colours are carried over from the nearest measured ones and spread from there.
     """
-    return closed_object(found, compose_field(with_margin(found.evidence), fill, found.mesh.vertices))
+    return closed_surface(compose_field(with_margin(found.evidence), fill, found.mesh.vertices), found.mesh)
 
 
-def closed_object(found: ObjectMesh, composed: Composition) -> ObjectMesh:
-    """The mesh of a composed field, flagged and coloured; its evidence is that which was composed, margin and all."""
+def closed_surface(composed: Composition, seen: Mesh) -> FlaggedMesh:
+    """The zero level of a composed field: vertices flagged by what was measured, coloured after the seen mesh."""
     grid = composed.evidence
     vertices, faces = grid_surface(composed.distance, grid.origin, grid.voxel)
     observed = _measured(vertices, grid)
-    mesh = Mesh(vertices=vertices, faces=faces, colours=spread_colours(vertices, faces, observed, found.mesh))
-    return replace(found, mesh=mesh, observed=observed, evidence=grid)
+    colours = spread_colours(vertices, faces, observed, seen)
+    return FlaggedMesh(mesh=Mesh(vertices=vertices, faces=faces, colours=colours), observed=observed)
 
 
 def without_floaters(

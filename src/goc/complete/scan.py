@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float32, Float64
 from scipy.spatial import cKDTree
 
-from goc.complete.compose import compose, with_margin
+from goc.complete.compose import Measured, compose, with_margin
 from goc.complete.config import ScanConfig
 from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
@@ -17,7 +17,7 @@ from goc.events import Listener, Warned, ignore
 from goc.geometry.orientation import point_normals
 from goc.geometry.topology import watertight_flaw
 from goc.raster import working_device
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh, PointCloud
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh, PointCloud
 
 _FEWEST, _MOST = 50, 200_000
 _NEAREST = 8
@@ -31,7 +31,7 @@ _OUTLIER_DISTANCE = 6.0
 """Points whose neighbours are this many times further off than is usual are outliers."""
 
 
-def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = ignore) -> ObjectMesh:
+def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = ignore) -> FlaggedMesh:
     """Close a partial point cloud.
 
     Without a viewpoint nothing is known to be empty, and the evidence hull would be a box. So the surface goes on as
@@ -52,7 +52,7 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
     """
     viewpoint = None if config.viewpoint is None else np.array(config.viewpoint, np.float64)
     cloud = _prepared(cloud, viewpoint, notify)
-    found = scanned_object(cloud, config.cells)
+    found = measured_scan(cloud, config.cells)
     if viewpoint is not None:
         found = replace(found, evidence=carve_free_space(found.evidence, cloud.positions, viewpoint))
     assert cloud.normals is not None
@@ -71,17 +71,17 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
             f"{done.observed.mean():.1%} of the closed surface is the scan's own: its normals look inwards. Turn them "
             "round, or pass --viewpoint, where the sensor stood."
         )
-    _tell_lost(cloud.positions, done, notify)
+    _tell_lost(cloud.positions, done.mesh, found.evidence.voxel, notify)
     return done
 
 
-def _tell_lost(points: Float32[np.ndarray, "p 3"], done: ObjectMesh, notify: Listener) -> None:
-    off = cKDTree(done.mesh.vertices).query(points)[0]
-    lost = float((off > _LOST_VOXELS * done.evidence.voxel).mean())
+def _tell_lost(points: Float32[np.ndarray, "p 3"], closed: Mesh, voxel: float, notify: Listener) -> None:
+    off = cKDTree(closed.vertices).query(points)[0]
+    lost = float((off > _LOST_VOXELS * voxel).mean())
     if lost > _LOST_SHARE:
         message = (
             f"{lost:.0%} of the scan's points are not on the closed surface: walls thinner than a voxel "
-            f"({done.evidence.voxel:.3g}) vanish, and so do pieces apart from the rest. Raise --cells."
+            f"({voxel:.3g}) vanish, and so do pieces apart from the rest. Raise --cells."
         )
         notify(Warned(stage="complete", message=message))
 
@@ -133,8 +133,8 @@ def without_outliers(cloud: PointCloud) -> PointCloud:
     return _chosen(cloud, off <= _OUTLIER_DISTANCE * max(float(np.median(off)), 1e-30))
 
 
-def scanned_object(cloud: PointCloud, cells: int) -> ObjectMesh:
-    """An object as extraction would give it, from points with outward normals.
+def measured_scan(cloud: PointCloud, cells: int) -> Measured:
+    """What a scan measured, from points with outward normals: the points, and evidence round them.
 
     Voxels near points hold the distance to the planes of the nearest ones (a Gaussian mean, so that noise evens out).
     No ray is known, so nothing is seen empty.
@@ -158,13 +158,7 @@ def scanned_object(cloud: PointCloud, cells: int) -> ObjectMesh:
         sdf=np.zeros(shape, np.float32),
     )
     mesh = Mesh(vertices=cloud.positions, faces=np.zeros((0, 3), np.int32), colours=cloud.colours)
-    return ObjectMesh(
-        id=1,
-        label="scan",
-        mesh=mesh,
-        observed=np.ones(len(points), bool),
-        evidence=_measured(blank, points, cloud.normals, tree),
-    )
+    return Measured(mesh=mesh, evidence=_measured(blank, points, cloud.normals, tree))
 
 
 def _measured(

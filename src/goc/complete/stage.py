@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
-from goc.complete.compose import Composition, closed_object, compose_field, with_margin
+from goc.complete.compose import Composition, Measured, closed_surface, compose_field, with_margin
 from goc.complete.config import CompleteConfig
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.lite import OscLite
@@ -20,7 +20,7 @@ from goc.events import Listener, Progress, Warned, ignore
 from goc.geometry.surfaces import vertex_normals
 from goc.geometry.topology import watertight_flaw
 from goc.raster import CPU
-from goc.scene import Evidence, EvidenceGrid, ObjectMesh
+from goc.scene import Evidence, EvidenceGrid, Scene, SceneObject
 
 _SEAM_VOXELS = 4
 """A model is asked this far into the measured surface, so that both can be compared where they meet."""
@@ -31,55 +31,60 @@ _BAND = 3.0 / 128.0
 
 
 def complete_objects(
-    objects: tuple[ObjectMesh, ...], config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
-) -> tuple[ObjectMesh, ...]:
+    scene: Scene, config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
+) -> Scene:
+    """The scene with its objects closed as far as they can be: see `close_objects`."""
+    return replace(scene, objects=close_objects(scene.objects, config, notify, device))
+
+
+def close_objects(
+    objects: tuple[SceneObject, ...], config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
+) -> tuple[SceneObject, ...]:
     """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
 
     Small objects come first, and what they fill is empty for the others.
 
     Args:
-        objects: open meshes with their evidence.
+        objects: open surfaces with their evidence.
         config: what fills the unknown.
         notify: hears one Progress an object, and a warning for each that cannot be closed.
         device: where a network computes.
 
     Returns:
-        Watertight objects in the order given (checked: docs/decisions/0021); none where the method is none.
-        Objects without an inside are left out.
+        The same objects in the order given, each with its watertight `solid` (checked: docs/decisions/0021). As they
+        came are those that have no inside, or no measured surface or evidence; and all, if the method is none.
 
     Raises:
         CompleteError: the weights are missing or of another network, or a network's answers are not finite.
     """
     if config.method == "none":
-        return ()
+        return objects
     model = None if config.method == "hull" else network_for(config.method, config.weights, device)
-    closed: dict[int, ObjectMesh] = {}
-    solids: list[Composition] = []
+    closed = list(objects)
+    filled: list[Composition] = []
     for number, place in enumerate(_small_first(objects), 1):
-        found = without_neighbours(objects[place], solids)
-        fill = None
-        if model is not None:
-            fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
-        composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
-        done = closed_object(found, composed)
-        flaw = watertight_flaw(done.mesh)
-        if flaw is None:
-            closed[place] = done
-            solids.append(composed)
-        else:
-            message = f"Object {found.id} ({found.label}) cannot be closed: {flaw}. It has its measured surface only."
+        item = objects[place]
+        found, flaw = _measured(item), "its surface or its evidence is missing"
+        if found is not None:
+            composed = _composed(found, model, config, filled)
+            solid = closed_surface(composed, found.mesh)
+            flaw = watertight_flaw(solid.mesh)
+            if flaw is None:
+                closed[place] = replace(item, solid=solid)
+                filled.append(composed)
+        if flaw is not None:
+            message = f"Object {item.id} ({item.name}) cannot be closed: {flaw}. It has its measured surface only."
             notify(Warned(stage="complete", message=message))
         notify(Progress(stage="complete", done=number, total=len(objects)))
-    return tuple(closed[place] for place in sorted(closed))
+    return tuple(closed)
 
 
-def without_neighbours(found: ObjectMesh, solids: Sequence[Composition]) -> ObjectMesh:
-    """The object with the unknown space that other objects fill marked as empty: two things are not in one place.
+def without_neighbours(grid: EvidenceGrid, solids: Sequence[Composition]) -> EvidenceGrid:
+    """The evidence with the unknown space that other objects fill marked as empty: two things are not in one place.
 
     Without this, a table's hull would hold what is inside the cups on it, which no ray sees either.
     """
-    state = found.evidence.state.copy()
-    grid = found.evidence
+    state = grid.state.copy()
     for solid in solids:
         other = solid.evidence
         rows = [
@@ -90,17 +95,41 @@ def without_neighbours(found: ObjectMesh, solids: Sequence[Composition]) -> Obje
         part = state[np.ix_(*met)]
         filled = solid.distance[np.ix_(*(row[hit] for row, hit in zip(rows, met, strict=True)))] < 0
         state[np.ix_(*met)] = np.where(filled & (part == Evidence.UNKNOWN), np.uint8(Evidence.EMPTY), part)
-    return replace(found, evidence=replace(grid, state=state))
+    return replace(grid, state=state)
 
 
-def _small_first(objects: Sequence[ObjectMesh]) -> list[int]:
+def _measured(item: SceneObject) -> Measured | None:
+    """What completion needs of an object; None where a part of it is absent."""
+    if item.observed is None or item.evidence is None:
+        return None
+    return Measured(mesh=item.observed.mesh, evidence=item.evidence)
+
+
+def _composed(
+    found: Measured, model: Completer | None, config: CompleteConfig, solids: Sequence[Composition]
+) -> Composition:
+    """The signed field of one object, where `solids` are already taken."""
+    found = replace(found, evidence=without_neighbours(found.evidence, solids))
+    fill = None
+    if model is not None:
+        fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
+    return compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+
+
+def _small_first(objects: Sequence[SceneObject]) -> list[int]:
     """Places of the objects by the volume of their boxes: of what nobody saw, the smaller of two is the surer owner."""
-    spans = [np.ptp(item.mesh.vertices, axis=0) if len(item.mesh.vertices) else np.zeros(3) for item in objects]
+    spans = [_span(item) for item in objects]
     return sorted(range(len(objects)), key=lambda place: (float(np.prod(spans[place])), place))
 
 
+def _span(item: SceneObject) -> Float32[np.ndarray, "3"]:
+    if item.observed is None or not len(item.observed.mesh.vertices):
+        return np.zeros(3, np.float32)
+    return np.ptp(item.observed.mesh.vertices, axis=0)
+
+
 def model_fill(
-    model: Completer, found: ObjectMesh, normals: Float32[np.ndarray, "v 3"], threshold: float, coarse_cells: int
+    model: Completer, found: Measured, normals: Float32[np.ndarray, "v 3"], threshold: float, coarse_cells: int
 ) -> Float32[np.ndarray, "x y z"]:
     """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(found.evidence)`.
 

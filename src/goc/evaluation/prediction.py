@@ -5,15 +5,20 @@ from functools import cached_property
 from pathlib import Path
 from typing import Literal
 
-import msgspec
-
 from goc.errors import EvaluationError
 from goc.evaluation.result import MeshChoice
 from goc.evaluation.volumes import SolidMesh
-from goc.files import is_file, is_folder, read_json, read_mesh
+from goc.files import SurfaceKind, is_file, is_folder, read_mesh, read_meshes
+from goc.files.layout import REPORT, SCENE_MESH
+from goc.report import read_report
 from goc.scene import Mesh
 
-_OBSERVED, _COMPLETED = "observed.ply", "mesh.ply"
+_SURFACES: dict[MeshChoice, tuple[SurfaceKind, ...]] = {
+    "observed": ("observed",),
+    "completed": ("solid",),
+    "best": ("solid", "observed"),
+}
+_SOURCES: dict[SurfaceKind, Literal["observed", "completed"]] = {"observed": "observed", "solid": "completed"}
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,16 +45,6 @@ class Prediction:
     """The predicted ids are those of the capture; False where the run made up its own."""
 
 
-class _CaptureFacts(msgspec.Struct):
-    has_ids: bool = True
-
-
-class _Report(msgspec.Struct):
-    """The one thing evaluation asks of a report.json."""
-
-    capture: _CaptureFacts = msgspec.field(default_factory=_CaptureFacts)
-
-
 def read_prediction(run: Path, meshes: MeshChoice) -> Prediction:
     """Read the output folder of `goc carve`, or a folder of <id>.ply with an optional scene.ply.
 
@@ -60,34 +55,29 @@ def read_prediction(run: Path, meshes: MeshChoice) -> Prediction:
 
     Raises:
         EvaluationError: the folder is neither.
-        FileError: a file in it is malformed.
+        FileError: a file in it is missing, malformed, or of another version of goc.
     """
     if not is_folder(run):
         raise EvaluationError(f"{run}: not found. Give the output folder of goc carve, or a folder of <id>.ply.")
-    report = run / "report.json"
-    scene = next((path for path in (run / "scene/mesh.ply", run / "scene.ply") if is_file(path)), None)
+    report = run / REPORT
+    scene = next((path for path in (run / SCENE_MESH, run / "scene.ply") if is_file(path)), None)
     return Prediction(
-        objects=_carved(run / "objects", meshes) if is_folder(run / "objects") else _loose(run),
+        objects=_carved(run, meshes) if is_folder(run / "objects") else _loose(run),
         scene=None if scene is None else read_mesh(scene),
-        has_ids=read_json(report, _Report).capture.has_ids if is_file(report) else True,
+        has_ids=read_report(report).capture.has_ids if is_file(report) else True,
     )
 
 
-def _carved(folder: Path, meshes: MeshChoice) -> dict[int, PredictedObject]:
-    found = {}
-    for own in sorted((entry for entry in folder.iterdir() if _is_id(entry.name)), key=lambda entry: int(entry.name)):
-        if meshes != "observed" and is_file(own / _COMPLETED):
-            found[int(own.name)] = PredictedObject(mesh=read_mesh(own / _COMPLETED), source="completed")
-        elif meshes != "completed" and is_file(own / _OBSERVED):
-            found[int(own.name)] = PredictedObject(mesh=read_mesh(own / _OBSERVED), source="observed")
-    return found
+def _carved(run: Path, meshes: MeshChoice) -> dict[int, PredictedObject]:
+    found = read_meshes(run, _SURFACES[meshes])
+    return {id: PredictedObject(mesh=mesh, source=_SOURCES[kind]) for id, (kind, mesh) in found.items()}
 
 
 def _loose(folder: Path) -> dict[int, PredictedObject]:
     paths = {int(path.stem): path for path in folder.glob("*.ply") if _is_id(path.stem)}
     if not paths:
         raise EvaluationError(
-            f"{folder}: holds no objects/<id>/{_OBSERVED} and no <id>.ply. "
+            f"{folder}: holds no objects/<id>/observed.ply and no <id>.ply. "
             "Give the output folder of goc carve, or name the meshes by the ids of the ground truth."
         )
     return {id: PredictedObject(mesh=read_mesh(paths[id]), source="file") for id in sorted(paths)}

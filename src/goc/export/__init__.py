@@ -1,6 +1,6 @@
-"""Stage 5, SceneAssets → files that a tool opens."""
+"""Stage 6, Scene → files that a tool opens."""
 
 from goc.export.config import ExportConfig
-from goc.export.scene import export_scene
+from goc.export.writers import WRITERS, export_scene
 
-__all__ = ["ExportConfig", "export_scene"]
+__all__ = ["WRITERS", "ExportConfig", "export_scene"]

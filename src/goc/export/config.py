@@ -1,4 +1,4 @@
-"""Settings of stage 5."""
+"""Settings of stage 6."""
 
 from dataclasses import dataclass
 

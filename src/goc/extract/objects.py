@@ -17,7 +17,7 @@ from goc.fusion.device_volume import fuse_views
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import BlockGrid, FusedSurface, Volume, blocks_near, fused_surface
 from goc.raster import CPU
-from goc.scene import ROOM, Capture, EvidenceGrid, ObjectMesh
+from goc.scene import ROOM, Capture, EvidenceGrid, FlaggedMesh, SceneObject
 
 _CELL = 0.02
 """Edge of the cells that objects are found in, metres."""
@@ -27,7 +27,7 @@ _CLEAR_LOOK = 0.02
 
 def extract_objects(
     views: Capture, config: ExtractConfig, notify: Listener = ignore, device: torch.device = CPU
-) -> tuple[ObjectMesh, ...]:
+) -> tuple[SceneObject, ...]:
     """Mesh every object from the depth of its own pixels; other rays say where it is not.
 
     Args:
@@ -37,7 +37,7 @@ def extract_objects(
         device: Where views are fused.
 
     Returns:
-        Objects in the order of their ids, each an open mesh with its evidence grid, scene units.
+        Objects in the order of their ids, each with its open `observed` surface and its evidence, scene units.
 
     Raises:
         ExtractError: no view has ids, or none has depth.
@@ -68,7 +68,7 @@ def extract_objects(
         for wanted, found in surfaces.items()
     }
     return tuple(
-        _object_mesh(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
+        _open_object(wanted, surfaces[wanted], evidence_grid(box, surfaces[wanted].mesh.vertices, config), views)
         for wanted, box in _fused_volumes(boxes, depths("gather evidence"), config, device)
     )
 
@@ -78,12 +78,12 @@ def _missing(wanted: int, views: Capture) -> Warned:
     return Warned(stage="extract", message=f"Object {name} is measured in none of {len(views)} views: no mesh for it.")
 
 
-def _object_mesh(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views: Capture) -> ObjectMesh:
-    return ObjectMesh(
+def _open_object(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views: Capture) -> SceneObject:
+    clear = found.weight * views.units_per_metre**2 >= _CLEAR_LOOK
+    return SceneObject(
         id=wanted,
-        label=views.id_names.get(wanted, f"object {wanted}"),
-        mesh=found.mesh,
-        observed=found.weight * views.units_per_metre**2 >= _CLEAR_LOOK,
+        name=views.id_names.get(wanted, f"object {wanted}"),
+        observed=FlaggedMesh(mesh=found.mesh, observed=clear),
         evidence=evidence,
     )
 

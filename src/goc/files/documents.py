@@ -18,6 +18,11 @@ _MATRIX_LIMIT = 1 << 16
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
+class _Versioned(msgspec.Struct):
+    schema: int = 0
+    """Files of before there were versions have none."""
+
+
 def read_json(path: Path, schema: type[T] | GenericAlias) -> T:
     """Decode a JSON file into the type that describes it.
 
@@ -37,6 +42,26 @@ def read_json(path: Path, schema: type[T] | GenericAlias) -> T:
         raise FileError(f"{path}: {brief(error)}. Correct this entry.") from error
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: not valid JSON ({brief(error)}). Write the file again.") from error
+
+
+def read_versioned(path: Path, schema: type[T], version: int, remedy: str) -> T:
+    """Decode a JSON file that carries its schema's version under `schema`, and refuse other versions by name.
+
+    Args:
+        path: as `read_json` takes it.
+        schema: of `version`, with a field `schema`.
+        version: the only one that is read.
+        remedy: what to do with a file of an older goc, without a full stop.
+
+    Raises:
+        FileError: as `read_json`, or the file is of another version.
+    """
+    found = read_json(path, _Versioned).schema
+    if found > version:
+        raise FileError(f"{path}: has schema {found}, and this goc reads {version}. Read it with a newer goc.")
+    if found < version:
+        raise FileError(f"{path}: has schema {found} of an older goc, and this one reads {version}. {remedy}.")
+    return read_json(path, schema)
 
 
 def write_json(path: Path, value: object) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 import numpy as np
-from jaxtyping import Float, Float32, Float64, UInt8, UInt16
+from jaxtyping import Float32, Float64, UInt8, UInt16
 
 from goc.errors import FileError
 from goc.files.atomic import write_bytes
@@ -14,24 +14,25 @@ from goc.scene import Mesh
 
 _FLOAT, _USHORT, _UINT = 5126, 5123, 5125
 _VERTICES, _CORNERS = 34962, 34963
+_Y_UP_FROM_LEVEL = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
+"""From z up to glTF's y up."""
 
 
 def write_glb(
     path: Path,
     mesh: Mesh,
     normals: Float32[np.ndarray, "v 3"],
-    up: Float[np.ndarray, "3"],
-    units_per_metre: float,
+    level_from_world: Float64[np.ndarray, "4 4"],
     name: str,
 ) -> None:
     """Write a mesh as GLB, atomically: metres, y up, as glTF demands; vertex colours linear, as it demands too.
 
     Args:
         path: ends in .glb.
-        mesh: world; objects of one scene stay where they are to each other.
+        mesh: world.
         normals: unit, world; tools shade smoothly by them.
-        up: unit, the world's up. With z up, (x, y, z) becomes (x, z, -y).
-        unit: world units in one metre.
+        level_from_world: into the frame of exports (`World.level_from_world`): right-handed, z up, metres. A point
+            (x, y, z) of that frame becomes (x, z, -y), so objects of one scene stay where they are to each other.
         name: what the object is called in the tools that open it.
 
     Raises:
@@ -42,22 +43,15 @@ def write_glb(
     if not np.isfinite(mesh.vertices).all():
         bad = ~np.isfinite(mesh.vertices).all(1)
         raise FileError(f"{path}: {bad.sum()} of {len(bad)} vertices are not finite. Repair the data.")
-    turn = _y_up(np.asarray(up, np.float64))
-    positions = (mesh.vertices.astype(np.float64) @ turn.T / units_per_metre).astype(np.float32)
+    matrix = _Y_UP_FROM_LEVEL @ level_from_world[:3]
+    positions = (mesh.vertices.astype(np.float64) @ matrix[:, :3].T + matrix[:, 3]).astype(np.float32)
+    turn = matrix[:, :3] / np.cbrt(np.linalg.det(matrix[:, :3]))
     turned = (normals.astype(np.float64) @ turn.T).astype(np.float32)
     turned[np.linalg.norm(turned, axis=1) < 0.5] = (0.0, 1.0, 0.0)  # unit vectors are demanded, surface or not
     parts: dict[str, np.ndarray] = {"POSITION": positions, "NORMAL": turned}
     if mesh.colours is not None:
         parts["COLOR_0"] = _linear(mesh.colours)
     write_bytes(path, _container(parts, mesh.faces.astype(np.uint32), name))
-
-
-def _y_up(up: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3 3"]:
-    """The rotation that takes `up` to y, and an axis across it to x: the world's x where it may."""
-    across = np.eye(3)[0] if abs(up[0]) < 0.9 else np.eye(3)[1]
-    x = across - (across @ up) * up
-    x /= np.linalg.norm(x)
-    return np.stack([x, up, np.cross(x, up)])
 
 
 def _linear(colours: UInt8[np.ndarray, "v 3"]) -> UInt16[np.ndarray, "v 4"]:

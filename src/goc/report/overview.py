@@ -14,7 +14,7 @@ from goc.report.palette import colour_of_id, colours_of_depth, colours_of_ids
 from goc.report.portraits import dollhouse, portrait
 from goc.report.report import filled_share
 from goc.runs.record import RunRecord
-from goc.scene import ROOM, UNLABELLED, Capture, ObjectMesh, SceneAssets
+from goc.scene import ROOM, UNLABELLED, Capture, Gaussians, Mesh, Scene, SceneObject
 
 _WIDTH, _MARGIN, _GAP = 1720, 40, 12
 _INNER = _WIDTH - 2 * _MARGIN
@@ -30,6 +30,7 @@ _CANDIDATES = 40
 _EASY = 0.02
 """Share of a picture from which on an object is easily seen."""
 _WARNINGS_SHOWN = 4
+_NOTHING = Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -45,20 +46,18 @@ class _Row:
     ids: UInt8[np.ndarray, "h w 3"]
 
 
-def draw_overview(
-    assets: SceneAssets, views: Capture, title: str, count: int, run: RunRecord
-) -> UInt8[np.ndarray, "h w 3"]:
+def draw_overview(scene: Scene, views: Capture, title: str, count: int, run: RunRecord) -> UInt8[np.ndarray, "h w 3"]:
     """Real views beside renders, depth and ids; the scene; and every object from its own best angle, with its name.
 
     Args:
-        assets: what came out.
+        scene: what came out.
         views: photographs with the splats' depth and ids (`rendered_views`).
         title: what the capture is called.
         count: views to show; fewer where there are fewer.
         run: its warnings are shown; hears one Progress a picture.
     """
     chosen = choose_views(views, count)
-    total = len(chosen) + 1 + len(assets.objects)
+    total = len(chosen) + 1 + len(scene.objects)
     steps = iter(range(1, total + 1))
 
     def step() -> None:
@@ -66,15 +65,15 @@ def draw_overview(
 
     rows = []
     for index in chosen:
-        rows.append(_row(assets, views, index))
+        rows.append(_row(scene.splats, views, index))
         step()
-    tiles = [dollhouse(assets.scene, up_of(views), 2 * _TILE + _GAP)]
+    tiles = [dollhouse(scene.mesh, scene.world.up, 2 * _TILE + _GAP)]
     step()
-    closed = {item.id: item for item in assets.completed}
-    for item in assets.objects:
-        tiles.append(portrait(closed.get(item.id, item).mesh, up_of(views), _TILE))
+    for item in scene.objects:
+        mesh = _NOTHING if item.surface is None else item.surface.mesh
+        tiles.append(portrait(mesh, scene.world.up, _TILE))
         step()
-    bands = [_header(assets, views, title, run), *_view_bands(rows), _tile_band(assets, tiles)]
+    bands = [_header(scene, views, title, run), *_view_bands(rows), _tile_band(scene, tiles)]
     return np.concatenate(bands)
 
 
@@ -109,22 +108,10 @@ def _apart(index: int, chosen: Sequence[int]) -> int:
     return min((abs(index - other) for other in chosen), default=0)
 
 
-def up_of(views: Capture) -> Float64[np.ndarray, "3"]:
-    """Where up is, from how people hold cameras: the mean of the images' up, or the axis that is nearly that."""
-    mean = -np.mean([camera.world_from_cam[:3, 1].double().numpy() for camera in views.cameras], axis=0)
-    if np.linalg.norm(mean) < 1e-3:
-        return np.array([0.0, 0.0, 1.0])
-    mean /= np.linalg.norm(mean)
-    axis = int(np.abs(mean).argmax())
-    if abs(mean[axis]) < math.cos(math.radians(25)):
-        return mean
-    return np.sign(mean[axis]) * np.eye(3)[axis]
-
-
-def _row(assets: SceneAssets, views: Capture, index: int) -> _Row:
+def _row(splats: Gaussians, views: Capture, index: int) -> _Row:
     frame = views[index]
     photo = frame.image.numpy()
-    seen = render(assets.reconstruction.gaussians, frame.camera).colour.numpy()
+    seen = render(splats, frame.camera).colour.numpy()
     grey = seen.mean(-1, keepdims=True) * 255
     height, width = photo.shape[:2]
     ids = np.full((height, width), UNLABELLED, np.int16) if frame.ids is None else frame.ids.numpy()
@@ -144,29 +131,29 @@ def _row(assets: SceneAssets, views: Capture, index: int) -> _Row:
     )
 
 
-def _header(assets: SceneAssets, views: Capture, title: str, run: RunRecord) -> UInt8[np.ndarray, "h w 3"]:
+def _header(scene: Scene, views: Capture, title: str, run: RunRecord) -> UInt8[np.ndarray, "h w 3"]:
     heard = [f"{warning.stage}: {warning.message}" for warning in run.warnings]
     lines = heard[:_WARNINGS_SHOWN]
     if len(heard) > len(lines):
         lines.append(f"and {len(heard) - len(lines)} more warnings: see report.json")
     canvas = Canvas(_WIDTH, 126 + 26 * len(lines))
     canvas.text(title, _MARGIN, 30, _TITLE_PX, _INNER)
-    canvas.text(" · ".join(_facts(assets, views)), _MARGIN, 80, _TEXT_PX, _INNER, FAINT)
+    canvas.text(" · ".join(_facts(scene, views)), _MARGIN, 80, _TEXT_PX, _INNER, FAINT)
     for place, line in enumerate(lines):
         canvas.text(line, _MARGIN, 110 + 26 * place, _TEXT_PX, _INNER, ALARM)
     return canvas.pixels()
 
 
-def _facts(assets: SceneAssets, views: Capture) -> Iterator[str]:
-    camera, metrics = views.cameras[0], assets.reconstruction.metrics
+def _facts(scene: Scene, views: Capture) -> Iterator[str]:
+    camera, metrics = views.cameras[0], scene.metrics
     yield f"{len(views)} views of {camera.width} x {camera.height}"
-    yield f"{len(assets.reconstruction.gaussians):,} splats"
+    yield f"{len(scene.splats):,} splats"
     for key, words in (("held_out_psnr_db", "held-out views"), ("train_psnr_db", "training views")):
         if key in metrics:
             yield f"{metrics[key]:.1f} dB on {words}"
-    yield f"{len(assets.scene.faces):,} faces"
-    yield f"{len(assets.objects)} object" + "s" * (len(assets.objects) != 1)
-    if not assets.metric:
+    yield f"{len(scene.mesh.faces):,} faces"
+    yield f"{len(scene.objects)} object" + "s" * (len(scene.objects) != 1)
+    if not scene.world.metric:
         yield "scale guessed"
 
 
@@ -190,11 +177,11 @@ def _view_bands(rows: Sequence[_Row]) -> Iterator[UInt8[np.ndarray, "_ _ 3"]]:
         yield canvas.pixels()
 
 
-def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]]) -> UInt8[np.ndarray, "h w 3"]:
+def _tile_band(scene: Scene, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]]) -> UInt8[np.ndarray, "h w 3"]:
     """The scene, two tiles wide and high, and the objects around and below it."""
     pitch = _TILE + _CAPTION
     beside = [(row, column) for row in range(2) for column in range(2, _ACROSS)]
-    count = len(assets.objects)
+    count = len(scene.objects)
     below = [divmod(place, _ACROSS) for place in range(max(0, count - len(beside)))]
     places = (beside + [(row + 2, column) for row, column in below])[:count]
     lines = 2 + math.ceil(len(below) / _ACROSS)
@@ -202,31 +189,25 @@ def _tile_band(assets: SceneAssets, tiles: Sequence[UInt8[np.ndarray, "_ _ 3"]])
     side = 2 * _TILE + _GAP
     canvas.picture(tiles[0], _MARGIN, 24, side, side)
     canvas.text("the scene's mesh", _MARGIN, 24 + side + 8, _TEXT_PX, side)
-    closed = {item.id: item for item in assets.completed}
-    for item, tile, (row, column) in zip(assets.objects, tiles[1:], places, strict=True):
+    for item, tile, (row, column) in zip(scene.objects, tiles[1:], places, strict=True):
         x, y = _MARGIN + column * (_TILE + _GAP), 24 + row * pitch
         canvas.picture(tile, x, y, _TILE, _TILE)
         canvas.chip(x, y + _TILE + 9, 16, colour_of_id(item.id))
-        canvas.text(f"{item.id} · {item.label}", x + 24, y + _TILE + 5, _TEXT_PX, _TILE - 24)
-        canvas.text(
-            _measures(closed.get(item.id, item), item.id in closed, assets.units_per_metre),
-            x + 24,
-            y + _TILE + 29,
-            _SMALL_PX,
-            _TILE - 24,
-            FAINT,
-        )
+        canvas.text(f"{item.id} · {item.name}", x + 24, y + _TILE + 5, _TEXT_PX, _TILE - 24)
+        words = _measures(item, scene.world.units_per_metre)
+        canvas.text(words, x + 24, y + _TILE + 29, _SMALL_PX, _TILE - 24, FAINT)
     return canvas.pixels()
 
 
-def _measures(item: ObjectMesh, is_closed: bool, units_per_metre: float) -> str:
-    if not len(item.mesh.vertices):
+def _measures(item: SceneObject, units_per_metre: float) -> str:
+    if item.surface is None or not len(item.surface.mesh.vertices):
         return "no surface"
-    sides = (item.mesh.vertices.max(0) - item.mesh.vertices.min(0)) / units_per_metre
+    mesh = item.surface.mesh
+    sides = (mesh.vertices.max(0) - mesh.vertices.min(0)) / units_per_metre
     size = " x ".join(f"{side:.2f}" for side in sides) + " m"
-    if not is_closed:
-        return f"{size} · {_thousands(len(item.mesh.faces))} faces"
-    return f"{size} · {filled_share(item):.0%} filled"
+    if item.solid is None:
+        return f"{size} · {_thousands(len(mesh.faces))} faces"
+    return f"{size} · {filled_share(item.solid):.0%} filled"
 
 
 def _thousands(count: int) -> str:

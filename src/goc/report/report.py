@@ -8,17 +8,21 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from goc import __version__
-from goc.files import write_json
+from goc.files import read_versioned, write_json
 from goc.geometry.surfaces import face_areas
 from goc.geometry.topology import is_watertight, signed_volume
 from goc.runs.machine import Machine, peak_memory_mb, this_machine
 from goc.runs.record import RunRecord
-from goc.scene import Capture, DepthKind, Mesh, ObjectMesh, SceneAssets
+from goc.scene import Capture, DepthKind, FlaggedMesh, Mesh, Scene, SceneObject
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-Bounds = tuple[tuple[float, float, float], tuple[float, float, float]]
+VERSION = 1
+"""Of report.json's schema. Raise it whenever a field goes or changes its meaning."""
+
+Vector = tuple[float, float, float]
+Row = tuple[float, float, float, float]
 
 
 class CaptureFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -39,15 +43,28 @@ class CaptureFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     """The unit is known, not guessed: lengths below deserve their names."""
 
 
+class WorldFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Which way is up, and what turns the capture's world into the frame of exports."""
+
+    up: Vector
+    """Unit, in the world of the capture."""
+    floor: float
+    """Height of the floor along up, scene units."""
+    confidence: float
+    """0…1: how sure both are."""
+    level_from_world: tuple[Row, Row, Row, Row]
+    """Row by row: capture's world to right-handed, z up, metres, floor at z = 0; GLB holds (x, z, -y) of that."""
+
+
 class SurfaceFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """A mesh with the splats that belong to it."""
 
     vertices: int
     faces: int
     splats: int
-    bounds: Bounds | None
+    bounds: tuple[Vector, Vector] | None
     """Least and greatest corner of the vertices, scene units as in the files; null without vertices."""
-    size_m: tuple[float, float, float]
+    size_m: Vector
     area_m2: float
 
 
@@ -85,6 +102,7 @@ class WarningFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
 class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """All of report.json."""
 
+    schema: int
     goc: str
     """Version."""
     created: str
@@ -92,6 +110,7 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     capture: CaptureFacts
     metrics: dict[str, float | None]
     """As the reconstruction measured them; null where a figure is not finite."""
+    world: WorldFacts
     scene: SurfaceFacts
     objects: list[ObjectFacts]
     warnings: list[WarningFacts]
@@ -104,8 +123,17 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     """Every setting as it was used."""
 
 
+def read_report(path: Path) -> Report:
+    """Read report.json.
+
+    Raises:
+        FileError: missing, malformed, or of another version.
+    """
+    return read_versioned(path, Report, VERSION, "Carve again with --overwrite")
+
+
 def write_report(
-    path: Path, source: Path, capture: Capture, assets: SceneAssets, record: RunRecord, config: "DataclassInstance"
+    path: Path, source: Path, capture: Capture, scene: Scene, record: RunRecord, config: "DataclassInstance"
 ) -> None:
     """Write report.json.
 
@@ -113,18 +141,20 @@ def write_report(
         path: the file.
         source: where the capture came from.
         capture: as it was read: before ids or depth were added.
-        assets: what came out.
+        scene: what came out.
         record: seconds and warnings.
         config: resolved settings, with `reconstruct.seed` among them.
     """
-    settings = asdict(config)
+    settings, unit = asdict(config), scene.world.units_per_metre
     report = Report(
+        schema=VERSION,
         goc=__version__,
         created=datetime.now(UTC).isoformat(timespec="seconds"),
         capture=_capture_facts(source, capture),
-        metrics=dict(assets.reconstruction.metrics),
-        scene=SurfaceFacts(**_surface(assets.scene, len(assets.reconstruction.gaussians), assets.units_per_metre)),
-        objects=[_object_facts(item, assets) for item in assets.objects],
+        metrics=dict(scene.metrics),
+        world=_world_facts(scene),
+        scene=SurfaceFacts(**_surface(scene.mesh, len(scene.splats), unit)),
+        objects=[_object_facts(item, unit) for item in scene.objects],
         warnings=[WarningFacts(stage=warning.stage, message=warning.message) for warning in record.warnings],
         seconds={stage: round(seconds, 2) for stage, seconds in record.seconds.items()},
         peak_memory_mb=round(peak_memory_mb(), 1),
@@ -149,48 +179,58 @@ def _capture_facts(source: Path, capture: Capture) -> CaptureFacts:
     )
 
 
-def _object_facts(item: ObjectMesh, assets: SceneAssets) -> ObjectFacts:
-    closed = next((other for other in assets.completed if other.id == item.id), None)
-    splats = int((assets.reconstruction.labels == item.id).sum())
+def _world_facts(scene: Scene) -> WorldFacts:
+    world = scene.world
+    return WorldFacts(
+        up=tuple(world.up.tolist()),
+        floor=float(world.floor),
+        confidence=world.confidence,
+        level_from_world=tuple(tuple(row) for row in world.level_from_world.tolist()),
+    )
+
+
+def _object_facts(item: SceneObject, units_per_metre: float) -> ObjectFacts:
+    seen = item.observed
+    mesh, splats = None if seen is None else seen.mesh, 0 if item.splats is None else len(item.splats)
     return ObjectFacts(
         id=item.id,
-        label=item.label,
-        observed_share=round(float(item.observed.mean()), 4) if len(item.observed) else 0.0,
-        completion=None if closed is None else _completion_facts(closed, assets.units_per_metre),
-        **_surface(item.mesh, splats, assets.units_per_metre),
+        label=item.name,
+        observed_share=round(float(seen.observed.mean()), 4) if seen is not None and len(seen.observed) else 0.0,
+        completion=None if item.solid is None else _completion_facts(item.solid, units_per_metre),
+        **_surface(mesh, splats, units_per_metre),
     )
 
 
-def _completion_facts(closed: ObjectMesh, units_per_metre: float) -> CompletionFacts:
+def _completion_facts(solid: FlaggedMesh, units_per_metre: float) -> CompletionFacts:
     return CompletionFacts(
-        vertices=len(closed.mesh.vertices),
-        faces=len(closed.mesh.faces),
-        completed_share=round(filled_share(closed), 4),
-        watertight=is_watertight(closed.mesh),
-        volume_m3=round(signed_volume(closed.mesh) / units_per_metre**3, 9),
-        area_m2=round(float(face_areas(closed.mesh).sum()) / units_per_metre**2, 4),
+        vertices=len(solid.mesh.vertices),
+        faces=len(solid.mesh.faces),
+        completed_share=round(filled_share(solid), 4),
+        watertight=is_watertight(solid.mesh),
+        volume_m3=round(signed_volume(solid.mesh) / units_per_metre**3, 9),
+        area_m2=round(float(face_areas(solid.mesh).sum()) / units_per_metre**2, 4),
     )
 
 
-def filled_share(closed: ObjectMesh) -> float:
-    """Share of a completed object's area that was filled in: that of its faces' corners which were not observed."""
-    areas = face_areas(closed.mesh)
-    filled = 1.0 - closed.observed[closed.mesh.faces].mean(axis=1)
+def filled_share(surface: FlaggedMesh) -> float:
+    """Share of a surface's area that nobody measured: that of its faces' corners which were not observed."""
+    areas = face_areas(surface.mesh)
+    filled = 1.0 - surface.observed[surface.mesh.faces].mean(axis=1)
     return float((areas * filled).sum() / max(float(areas.sum()), 1e-30))
 
 
-def _surface(mesh: Mesh, splats: int, units_per_metre: float) -> dict[str, Any]:
+def _surface(mesh: Mesh | None, splats: int, units_per_metre: float) -> dict[str, Any]:
     bounds = None
     size = (0.0, 0.0, 0.0)
-    if len(mesh.vertices):
+    if mesh is not None and len(mesh.vertices):
         low, high = mesh.vertices.min(0).tolist(), mesh.vertices.max(0).tolist()
         bounds = (tuple(low), tuple(high))
         size = tuple(round((b - a) / units_per_metre, 4) for a, b in zip(low, high, strict=True))
     return {
-        "vertices": len(mesh.vertices),
-        "faces": len(mesh.faces),
+        "vertices": 0 if mesh is None else len(mesh.vertices),
+        "faces": 0 if mesh is None else len(mesh.faces),
         "splats": splats,
         "bounds": bounds,
         "size_m": size,
-        "area_m2": round(float(face_areas(mesh).sum()) / units_per_metre**2, 4),
+        "area_m2": 0.0 if mesh is None else round(float(face_areas(mesh).sum()) / units_per_metre**2, 4),
     }

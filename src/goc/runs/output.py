@@ -9,16 +9,8 @@ from pathlib import Path
 
 from goc.errors import ExportError
 from goc.files import is_file, move_file
+from goc.files.layout import REPORT, run_files
 
-REPORT = "report.json"
-OVERVIEW = "overview.png"
-SCENE_MESH = "scene/mesh.ply"
-SCENE_SPLATS = "scene/splats.ply"
-OBJECT_MESH = "observed.ply"
-OBJECT_CLOSED = "mesh.ply"
-OBJECT_GLB = "mesh.glb"
-OBJECT_SPLATS = "splats.ply"
-OBJECT_FILES = (OBJECT_MESH, OBJECT_CLOSED, OBJECT_GLB, OBJECT_SPLATS)
 _WORK = ".work"
 _CHECKPOINT = "checkpoint.safetensors"
 
@@ -49,7 +41,7 @@ class Output:
         new = sorted(path.relative_to(self.staged) for path in self.staged.rglob("*") if path.is_file())
         try:
             (self.folder / REPORT).unlink(missing_ok=True)
-            for old in _own_files(self.folder):
+            for old in run_files(self.folder):
                 if old not in new:
                     (self.folder / old).unlink()
                     with suppress(OSError):  # somebody else's files are in it
@@ -124,20 +116,6 @@ def check_output(folder: Path, overwrite: bool, resume: bool) -> None:
 def is_stopped_run(folder: Path) -> bool:
     """Whether a run that was stopped left a checkpoint in its output folder."""
     return is_file(folder / _WORK / _CHECKPOINT)
-
-
-def object_folder(number: int) -> Path:
-    """Where an object's files are, inside the output folder."""
-    return Path("objects") / str(number)
-
-
-def _own_files(folder: Path) -> list[Path]:
-    """What a run of goc writes, as far as it is there: these names and no others may be replaced or removed."""
-    names = [Path(name) for name in (REPORT, OVERVIEW, SCENE_MESH, SCENE_SPLATS)]
-    for parts in (folder / "objects").glob("*"):
-        if parts.name.isascii() and parts.name.isdigit():
-            names += [Path("objects") / parts.name / name for name in OBJECT_FILES]
-    return [name for name in names if is_file(folder / name)]
 
 
 def _tidy(output: Output, made: bool) -> None:

@@ -1,6 +1,5 @@
 """Nouns: frozen, shaped, frame-named. Metres, radians, OpenCV cameras, float32. Imports nothing else of goc."""
 
-from goc.scene.assets import SceneAssets
 from goc.scene.cache import ViewCache
 from goc.scene.camera import Camera
 from goc.scene.capture import (
@@ -14,7 +13,7 @@ from goc.scene.capture import (
     StoredFrames,
 )
 from goc.scene.gaussians import Gaussians
-from goc.scene.mesh import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene.mesh import Evidence, EvidenceGrid, Mesh
 from goc.scene.object import FlaggedMesh, SceneObject
 from goc.scene.reconstruction import Reconstruction
 from goc.scene.rendering import Rendering
@@ -34,14 +33,12 @@ __all__ = [
     "FrameSource",
     "Gaussians",
     "Mesh",
-    "ObjectMesh",
     "PointCloud",
     "Reconstruction",
     "Rendering",
     "Scene",
     "SceneObject",
     "World",
-    "SceneAssets",
     "StoredFrames",
     "ViewCache",
 ]

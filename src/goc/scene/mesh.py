@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32, UInt8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -40,15 +40,3 @@ class EvidenceGrid:
     """Values of Evidence."""
     sdf: Float32[np.ndarray, "x y z"]
     """Truncated signed distance, metres, positive outside; valid where state is SURFACE."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ObjectMesh:
-    """One object's surface, with what is measured kept apart from what is not."""
-
-    id: int
-    label: str
-    mesh: Mesh
-    observed: Bool[np.ndarray, "v"]
-    """Per vertex: some camera measured this surface."""
-    evidence: EvidenceGrid

@@ -1,6 +1,6 @@
 """One thing of a scene, whole."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -25,7 +25,7 @@ class SceneObject:
     id: int
     name: str
     """As the capture or the segmentation calls it."""
-    world_from_object: Float64[np.ndarray, "4 4"]
+    world_from_object: Float64[np.ndarray, "4 4"] = field(default_factory=lambda: np.eye(4))
     """Pose of the object's own frame, rigid. Identity until something moves the object."""
     splats: Gaussians | None = None
     observed: FlaggedMesh | None = None
@@ -34,3 +34,8 @@ class SceneObject:
     """Closed surface."""
     evidence: EvidenceGrid | None = None
     """What the cameras say of the box round it."""
+
+    @property
+    def surface(self) -> FlaggedMesh | None:
+        """The closed surface where there is one, else the measured one."""
+        return self.observed if self.solid is None else self.solid

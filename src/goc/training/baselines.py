@@ -6,15 +6,17 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float32
+from jaxtyping import Bool, Float, Float32
 from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
 from goc.complete import (
     Completer,
+    Measured,
     QueryGrid,
     Refinement,
     bounding_cube,
+    closed_surface,
     compose,
     compose_field,
     decode,
@@ -23,13 +25,12 @@ from goc.complete import (
     signed_distance,
     with_margin,
 )
-from goc.complete.compose import closed_object
 from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.raycast import TriangleScene
 from goc.geometry.surfaces import surface_cloud, vertex_normals
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene import Evidence, Mesh
 from goc.training.masking import MaskedObject
 from goc.training.samples import true_distance
 
@@ -47,18 +48,19 @@ class Completion:
     mesh: Mesh
     distance: Grid
     """Whose zero level the mesh is (of `nothing`, the border of the measured band): voxels, positive outside."""
-    grid: EvidenceGrid
-    """Where the distance is."""
+    origin: Float[np.ndarray, "3"]
+    """Where distance[0, 0, 0] is."""
+    voxel: float
     seconds: float
     """From evidence to mesh."""
 
     def inside(self, points: Float32[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
         """Which points it fills: trilinear between voxels, nothing beyond the grid."""
-        at = ((points - self.grid.origin) / self.grid.voxel).T
+        at = ((points - self.origin) / self.voxel).T
         return ndimage.map_coordinates(self.distance, at, order=1, mode="constant", cval=BAND) < 0
 
 
-def measured_object(masked: MaskedObject) -> ObjectMesh | None:
+def measured_object(masked: MaskedObject) -> Measured | None:
     """A masked object as extraction hands it to completion: its open measured mesh, and its evidence; cube's frame.
 
     Returns:
@@ -69,24 +71,18 @@ def measured_object(masked: MaskedObject) -> ObjectMesh | None:
     places = (evidence.origin + evidence.voxel * np.argwhere(near)).astype(np.float32)
     if len(places) == 0:
         return None
-    bare = ObjectMesh(
-        id=1,
-        label="object",
-        mesh=Mesh(vertices=places, faces=np.zeros((0, 3), np.int32)),
-        observed=np.ones(len(places), bool),
-        evidence=evidence,
-    )
-    hull = compose(bare, None)
+    points = Mesh(vertices=places, faces=np.zeros((0, 3), np.int32))
+    hull = compose(Measured(mesh=points, evidence=evidence), None)
     faces = hull.mesh.faces[hull.observed[hull.mesh.faces].all(axis=1)]
     if len(faces) == 0:
         return None
     used, place = np.unique(faces, return_inverse=True)
     mesh = Mesh(vertices=hull.mesh.vertices[used], faces=place.reshape(-1, 3).astype(np.int32))
-    return replace(bare, mesh=mesh, observed=np.ones(len(used), bool))
+    return Measured(mesh=mesh, evidence=evidence)
 
 
 def completions(
-    found: ObjectMesh, masked: MaskedObject, network: Completer | None, threshold: float
+    found: Measured, masked: MaskedObject, network: Completer | None, threshold: float
 ) -> Iterator[tuple[str, Completion]]:
     """Every method's answer for one object, by name; the last knows the truth and bounds what any could reach."""
     yield "nothing", replace(_composed(found, _nothing), mesh=found.mesh, seconds=0.0)
@@ -102,46 +98,43 @@ def completions(
     yield "perfect guess", _composed(found, lambda seen: _true(seen, masked))
 
 
-def _composed(found: ObjectMesh, fill: Callable[[ObjectMesh], Grid | None]) -> Completion:
+def _composed(found: Measured, fill: Callable[[Measured], Grid | None]) -> Completion:
     started = time.perf_counter()
     composed = compose_field(with_margin(found.evidence), fill(found), found.mesh.vertices)
-    mesh = closed_object(found, composed).mesh
+    mesh = closed_surface(composed, found.mesh).mesh
     seconds = time.perf_counter() - started
-    return Completion(mesh=mesh, distance=composed.distance, grid=composed.evidence, seconds=seconds)
+    grid = composed.evidence
+    return Completion(mesh=mesh, distance=composed.distance, origin=grid.origin, voxel=grid.voxel, seconds=seconds)
 
 
-def _alone(found: ObjectMesh, network: Completer, threshold: float) -> Completion:
+def _alone(found: Measured, network: Completer, threshold: float) -> Completion:
     """What a network says, in its whole cube, whatever was measured."""
     started = time.perf_counter()
-    points, voxel = found.mesh.vertices, found.evidence.voxel
+    points = found.mesh.vertices
     cube = bounding_cube(points)
     field = network.complete(partial_object(points, vertex_normals(found.mesh), found.evidence, cube))
-    count = math.ceil(cube.side / voxel)
+    count = math.ceil(cube.side / found.evidence.voxel)
     queries = QueryGrid(origin=np.full(3, 1.0 / count - 1.0), voxel=2.0 / count, shape=(count,) * 3)
     distance = signed_distance(decode(field, queries, Refinement(cells=_COARSE)), threshold)
-    grid = EvidenceGrid(
-        origin=cube.centre + queries.origin * (cube.side / 2),
-        voxel=cube.side / count,
-        state=np.zeros(queries.shape, np.uint8),
-        sdf=np.zeros(queries.shape, np.float32),
-    )
-    vertices, faces = grid_surface(distance, grid.origin, grid.voxel)
+    origin, voxel = cube.centre + queries.origin * (cube.side / 2), cube.side / count
+    vertices, faces = grid_surface(distance, origin, voxel)
     seconds = time.perf_counter() - started
-    return Completion(mesh=Mesh(vertices=vertices, faces=faces), distance=distance, grid=grid, seconds=seconds)
+    mesh = Mesh(vertices=vertices, faces=faces)
+    return Completion(mesh=mesh, distance=distance, origin=origin, voxel=voxel, seconds=seconds)
 
 
-def _nothing(found: ObjectMesh) -> Grid:
+def _nothing(found: Measured) -> Grid:
     """What was not seen is not there."""
     return np.full(with_margin(found.evidence).state.shape, np.float32(BAND))
 
 
-def _poisson(found: ObjectMesh) -> Grid:
+def _poisson(found: Measured) -> Grid:
     cloud = surface_cloud(found.mesh, _POISSON_POINTS)
     assert cloud.normals is not None
     return poisson_fill(cloud.positions, cloud.normals, with_margin(found.evidence))
 
 
-def _convex(found: ObjectMesh) -> Grid:
+def _convex(found: Measured) -> Grid:
     """Exact distance to the convex hull of what was seen; nothing where that is flat."""
     grid, result = with_margin(found.evidence), _nothing(found)
     try:
@@ -161,7 +154,7 @@ def _convex(found: ObjectMesh) -> Grid:
     return result
 
 
-def _true(found: ObjectMesh, masked: MaskedObject) -> Grid:
+def _true(found: Measured, masked: MaskedObject) -> Grid:
     grid = with_margin(found.evidence)
     points = (grid.origin + grid.voxel * np.argwhere(np.ones(grid.state.shape, bool))).astype(np.float32)
     return (true_distance(masked, points) / np.float32(grid.voxel)).reshape(grid.state.shape)

@@ -6,9 +6,10 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import UInt8
 
+from goc.complete import Measured
 from goc.files import write_png
 from goc.report.canvas import FAINT, Canvas
-from goc.scene import Mesh, ObjectMesh
+from goc.scene import Mesh
 from goc.training.baselines import HULL, NETWORK, POISSON, Completion
 from goc.training.masking import MaskedObject
 from goc.training.thumbnails import shaded
@@ -25,7 +26,7 @@ class ContactSheet:
         self._columns: list[str] = []
         self._lines: list[tuple[str, list[UInt8[np.ndarray, "h w 3"]]]] = []
 
-    def add(self, caption: str, seen: ObjectMesh, made: Mapping[str, Completion], masked: MaskedObject) -> None:
+    def add(self, caption: str, seen: Measured, made: Mapping[str, Completion], masked: MaskedObject) -> None:
         """Draw one case: seen, hull, Poisson, the network where there is one, truth."""
         methods = [name for name in (HULL, POISSON, NETWORK) if name in made]
         solid = masked.placed.shape.mesh

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Bool, Float32
 
-from goc.complete import Network, cell_centres
+from goc.complete import Measured, Network, cell_centres
 from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_scores
 from goc.events import Listener, Progress, ignore
 from goc.geometry.topology import is_watertight
-from goc.scene import Evidence, EvidenceGrid, ObjectMesh
+from goc.scene import Evidence, EvidenceGrid
 from goc.training.baselines import Completion, completions, measured_object
 from goc.training.contact_sheet import ContactSheet
 from goc.training.library import open_library
@@ -167,7 +167,7 @@ def evaluate(
     return CompletionReport(config=config, shapes=count, floor=floor, rows=means(found), outcomes=tuple(found))
 
 
-def _cases(solid: WatertightShape, config: EvalConfig, index: int) -> Iterator[tuple[str, MaskedObject, ObjectMesh]]:
+def _cases(solid: WatertightShape, config: EvalConfig, index: int) -> Iterator[tuple[str, MaskedObject, Measured]]:
     for number in range(config.masks):
         group = list(GROUPS)[number % len(GROUPS)]
         fewest, most = GROUPS[group]

@@ -10,7 +10,7 @@ from goc.geometry.voxels import pack_cells
 from goc.priors.segmentation import SegmentConfig
 from goc.priors.segmentation.cluster import SegmentedObjects
 from goc.priors.segmentation.id_field import IdField
-from goc.priors.segmentation.room_planes import camera_up, find_room_planes
+from goc.priors.segmentation.room_planes import find_room_planes
 from goc.priors.segmentation.supports import footprint_of
 from goc.priors.segmentation.surface_voxels import (
     SurfaceVoxels,
@@ -90,10 +90,6 @@ def test_lone_holes_are_filled_only_within_one_surface():
 def test_views_are_taken_by_name():
     names = tuple(f"{index:03d}" for index in range(len(ROOM), 0, -1))
     assert by_name(replace(ROOM, view_names=names)) == list(range(len(ROOM)))[::-1]
-
-
-def test_level_cameras_tell_up():
-    assert camera_up(ROOM.cameras) == pytest.approx([0, 0, 1], abs=1e-3)
 
 
 def test_the_room_of_boxes_is_measured():

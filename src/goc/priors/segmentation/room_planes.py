@@ -5,21 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int64
 
+from goc.geometry.gravity import LEVEL, MIN_SHARE, find_floor, find_up, layers
 from goc.geometry.planes import Plane, along, find_plane, plane_inliers, refine_plane, robust_sigma
 from goc.geometry.voxels import parts_of
 from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 from goc.scene import Camera
 
-LEVEL = np.cos(np.radians(12.0))
-"""Cosine between up and the normals of what counts as horizontal."""
-TILT = np.cos(np.radians(40.0))
-"""The floor's normal is looked for this close to the cameras' own up."""
-MAX_BELOW = 0.2
-"""Share of the voxels that may lie below a floor: mirrors, glass, a stair."""
-UPRIGHT = np.cos(np.radians(3.0))
-"""World z counts as up when the floor agrees with it so well."""
-MIN_SHARE = 0.02
-"""A room plane holds at least this share of all voxels."""
 CEILING_SHARE = 0.004
 """A ceiling is above all cameras, and less is seen of it."""
 MAX_BEHIND = 0.12
@@ -43,9 +34,10 @@ def find_room_planes(
     surface: SurfaceVoxels, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator
 ) -> RoomPlanes:
     """Up and the planes of the room; what they claim is the room. Without any plane, the largest structure is."""
-    positions = np.stack([camera.position.double().numpy() for camera in cameras])
-    up, level = find_up(surface, cameras, positions, rng)
-    floor = _floor(surface, up, positions) if level else None
+    poses = np.stack([camera.world_from_cam.double().numpy() for camera in cameras])
+    positions = poses[:, :3, 3]
+    up, level = find_up(surface.points, surface.normals, surface.voxel, poses, rng)
+    floor = find_floor(surface.points, surface.normals, surface.voxel, up, positions) if level else None
     ceiling = _ceiling(surface, up, positions) if level else None
     walls = _walls(surface, up, positions, metre, rng)
     planes = [plane for plane in (floor, ceiling, *walls) if plane is not None]
@@ -85,75 +77,9 @@ def _strips(plane: Plane, surface: SurfaceVoxels, up: np.ndarray, metre: float) 
     return np.floor(along(surface.points, np.cross(up, plane.normal)) / (0.1 * metre)).astype(np.int64)
 
 
-def find_up(
-    surface: SurfaceVoxels, cameras: tuple[Camera, ...], positions: Float[np.ndarray, "n 3"], rng: np.random.Generator
-) -> tuple[Float[np.ndarray, "3"], bool]:
-    """Up, and whether a horizontal plane confirms it.
-
-    Photographers hold cameras level: their x axes span the horizontal, and their y axes point down. The largest
-    plane near that guess with the cameras above it is horizontal; world z is kept where that plane agrees with it
-    to 3°.
-    """
-    guess = camera_up(cameras)
-    tolerance = 1.5 * surface.voxel
-    left = along(surface.normals, guess) > TILT
-    total = len(surface)
-    best: Plane | None = None
-    best_count = MIN_SHARE * total
-    for _ in range(4):
-        rows = np.flatnonzero(left)
-        plane = find_plane(surface.points[rows], surface.normals[rows], tolerance, rng)
-        if plane is None:
-            break
-        inliers = plane_inliers(plane, surface.points, surface.normals, tolerance)
-        left &= ~inliers
-        if inliers.sum() > best_count and _before(plane, positions) > 0.9:
-            best, best_count = plane, inliers.sum()
-    if best is None:
-        return guess, False
-    return (np.array([0.0, 0.0, 1.0]) if best.normal[2] > UPRIGHT else best.normal), True
-
-
-def camera_up(cameras: tuple[Camera, ...]) -> Float[np.ndarray, "3"]:
-    """The direction most nearly across all cameras' x axes, on the side of their up; their mean up if that is vague."""
-    poses = np.stack([camera.world_from_cam.double().numpy() for camera in cameras])
-    mean = -poses[:, :3, 1].mean(0)
-    mean /= max(np.linalg.norm(mean), 1e-9)
-    values, axes = np.linalg.eigh(poses[:, :3, 0].T @ poses[:, :3, 0] / len(poses))
-    across = axes[:, 0] if axes[:, 0] @ mean >= 0 else -axes[:, 0]
-    clear = values[1] > 0.05 and values[0] < 0.2 * values[1]
-    return across if clear and across @ mean > 0.3 else mean
-
-
 def _before(plane: Plane, positions: Float[np.ndarray, "n 3"]) -> float:
     """Share of the cameras that stand before a plane."""
     return float((plane.distance(positions) > 0).mean())
-
-
-def _floor(surface: SurfaceVoxels, up: np.ndarray, positions: Float[np.ndarray, "n 3"]) -> Plane | None:
-    """The lowest horizontal layer that holds a fifth of the largest one's voxels, with nearly all cameras above."""
-    heights = along(surface.points, up)[along(surface.normals, up) > LEVEL]
-    if not len(heights):
-        return None
-    layer = 2.0 * surface.voxel
-    counts, edges = _layers(heights, layer)
-    enough = np.flatnonzero((counts >= 0.2 * counts.max()) & (counts >= 0.5 * MIN_SHARE * len(surface)))
-    if not len(enough):
-        return None
-    first = enough[0]
-    while first + 1 < len(counts) and counts[first + 1] > counts[first]:
-        first += 1
-    plane = Plane(up, float(edges[first] + layer))
-    plane = refine_plane(plane, surface.points, surface.normals, layer)
-    below = (plane.distance(surface.points) < -2.0 * layer).mean()
-    return plane if _before(plane, positions) > 0.9 and below < MAX_BELOW else None
-
-
-def _layers(heights: np.ndarray, layer: float) -> tuple[np.ndarray, np.ndarray]:
-    """Voxels in every window two bins wide, and the windows' lower edges."""
-    edges = np.arange(heights.min() - layer, heights.max() + 2 * layer, layer)
-    counts, edges = np.histogram(heights, edges)
-    return counts[:-1] + counts[1:], edges[:-2]
 
 
 def _ceiling(surface: SurfaceVoxels, up: np.ndarray, positions: np.ndarray) -> Plane | None:
@@ -163,7 +89,7 @@ def _ceiling(surface: SurfaceVoxels, up: np.ndarray, positions: np.ndarray) -> P
     if level.sum() < CEILING_SHARE * len(surface):
         return None
     layer = 2.0 * surface.voxel
-    counts, edges = _layers(-heights[level], layer)
+    counts, edges = layers(-heights[level], layer)
     enough = np.flatnonzero((counts >= 0.3 * counts.max()) & (counts >= CEILING_SHARE * len(surface)))
     if not len(enough):
         return None

@@ -6,10 +6,11 @@ import numpy as np
 from jaxtyping import Bool, Float, Int64
 from scipy.ndimage import binary_closing, binary_dilation, binary_erosion, binary_fill_holes
 
+from goc.geometry.gravity import LEVEL
 from goc.geometry.planes import Plane, along, find_plane, robust_sigma
 from goc.geometry.voxels import parts_of
 from goc.priors.segmentation.config import SegmentConfig
-from goc.priors.segmentation.room_planes import LEVEL, RoomPlanes
+from goc.priors.segmentation.room_planes import RoomPlanes
 from goc.priors.segmentation.surface_voxels import SurfaceVoxels
 
 LOWEST_M = 0.2

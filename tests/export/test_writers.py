@@ -1,19 +1,19 @@
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import msgspec
 import numpy as np
 import pytest
 from PIL import Image
 
-from assets import box_assets
+from assets import box_scene
 from captures import write_nerfstudio
 from goc.capture import load_capture
 from goc.errors import FileError
 from goc.events import Progress, Warned, ignore
-from goc.export import ExportConfig, export_scene
-from goc.files import read_json, read_mesh, read_observed_mesh, read_splats
-from goc.report import Report, write_report
+from goc.export import WRITERS, export_scene
+from goc.files import read_mesh, read_observed_mesh, read_scene, read_splats, write_json, write_png
+from goc.report import draw_overview, read_report, write_report
 from goc.runs import RunRecord
 
 
@@ -28,6 +28,13 @@ class Settings:
     units_per_metre: float | None = None
 
 
+def closed(ids):
+    """The room of two boxes, of which the first is closed."""
+    scene = box_scene(ids)
+    first = scene.objects[0]
+    return replace(scene, objects=(replace(first, solid=first.observed), scene.objects[1]))
+
+
 @pytest.fixture(scope="module")
 def capture(tmp_path_factory):
     return load_capture(write_nerfstudio(tmp_path_factory.mktemp("capture"), views=5))
@@ -38,29 +45,40 @@ def written(capture, tmp_path_factory):
     folder = tmp_path_factory.mktemp("out")
     record = RunRecord(ignore)
     with record.stage("export"):
-        export_scene(box_assets((7, 12)), capture, folder, "a room", ExportConfig(), record)
+        export_scene(folder, closed((7, 12)))
+        write_png(folder / "overview.png", draw_overview(closed((7, 12)), capture, "a room", 3, record))
     record(Warned(stage="capture", message="one view is dark"))
-    write_report(folder / "report.json", folder / "capture", capture, box_assets((7, 12)), record, Settings())
+    write_report(folder / "report.json", folder / "capture", capture, closed((7, 12)), record, Settings())
     return folder
 
 
 def test_ids_name_the_folders_and_every_file_reads_back(written):
-    names = sorted(str(path.relative_to(written)) for path in written.rglob("*") if path.is_file())
-    objects = [f"objects/{number}/{name}.ply" for number in (12, 7) for name in ("observed", "splats")]
-    assert names == [*objects, "overview.png", "report.json", "scene/mesh.ply", "scene/splats.ply"]
-    assets = box_assets((7, 12))
+    names = {str(path.relative_to(written)) for path in written.rglob("*") if path.is_file()}
+    objects = {
+        f"objects/{n}/{name}" for n in (12, 7) for name in ("observed.ply", "splats.ply", "evidence.safetensors")
+    }
+    objects |= {"objects/7/mesh.ply", "objects/7/mesh.glb"}
+    scene = {"scene.json", "scene/mesh.ply", "scene/splats.ply", "scene/labels.safetensors"}
+    assert names == objects | scene | {"overview.png", "report.json"}
+    made = closed((7, 12))
     assert len(read_mesh(written / "scene/mesh.ply").faces) == 12
-    assert (read_splats(written / "scene/splats.ply").means == assets.reconstruction.gaussians.means).all()
-    for item in assets.objects:
+    assert (read_splats(written / "scene/splats.ply").means == made.splats.means).all()
+    for item in made.objects:
         mesh, observed = read_observed_mesh(written / f"objects/{item.id}/observed.ply")
-        assert np.array_equal(mesh.vertices, item.mesh.vertices)
-        assert np.array_equal(mesh.colours, item.mesh.colours)
-        assert np.array_equal(observed, item.observed)
+        assert np.array_equal(mesh.vertices, item.observed.mesh.vertices)
+        assert np.array_equal(mesh.colours, item.observed.mesh.colours)
+        assert np.array_equal(observed, item.observed.observed)
         assert len(read_splats(written / f"objects/{item.id}/splats.ply")) == 10
+    assert [item.id for item in read_scene(written).objects] == [7, 12]
+
+
+def test_every_format_stands_in_the_table():
+    assert list(WRITERS) == ["ply", "glb"]
 
 
 def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
-    report = read_json(written / "report.json", Report)
+    report = read_report(written / "report.json")
+    assert report.schema == 1
     assert (report.seed, report.config) == (3, {"reconstruct": {"seed": 3}, "units_per_metre": None})
     assert report.metrics == {"held_out_psnr_db": 21.5, "train_psnr_db": None}
     assert [(item.id, item.label, item.vertices, item.faces, item.splats) for item in report.objects] == [
@@ -71,6 +89,10 @@ def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
     assert first.area_m2 == pytest.approx(2 * (0.9 * 0.8 + 0.9 * 0.7 + 0.8 * 0.7), abs=1e-3)
     assert first.size_m == pytest.approx((0.9, 0.8, 0.7), abs=1e-3)
     assert first.observed_share == 0.5
+    assert first.completion.watertight and 0 < first.completion.completed_share < 1
+    assert report.objects[1].completion is None
+    assert (report.world.up, report.world.floor, report.world.confidence) == ((0.0, 0.0, 1.0), 0.0, 0.9)
+    assert np.array_equal(report.world.level_from_world, np.eye(4))
     assert np.allclose(first.bounds, [[1.0, 0.8, 0.0], [1.9, 1.6, 0.7]])
     assert report.scene.area_m2 == pytest.approx(2 * (4 * 3 + 4 * 2.5 + 3 * 2.5), abs=1e-3)
     assert (report.capture.views, report.capture.width, report.capture.has_ids) == (5, 64, True)
@@ -81,10 +103,9 @@ def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
 
 
 def test_lengths_in_the_report_are_metres_whatever_the_unit(capture, tmp_path):
-    write_report(
-        tmp_path / "r.json", tmp_path, capture, box_assets(units_per_metre=10.0), RunRecord(ignore), Settings()
-    )
-    facts = read_json(tmp_path / "r.json", Report).objects[0]
+    scene = box_scene(units_per_metre=10.0)
+    write_report(tmp_path / "r.json", tmp_path, capture, scene, RunRecord(ignore), Settings())
+    facts = read_report(tmp_path / "r.json").objects[0]
     assert facts.size_m == pytest.approx((0.09, 0.08, 0.07), abs=1e-4)
     assert facts.area_m2 == pytest.approx(2 * (0.9 * 0.8 + 0.9 * 0.7 + 0.8 * 0.7) / 100, abs=1e-4)
     assert facts.bounds[1] == pytest.approx((1.9, 1.6, 0.7))
@@ -94,7 +115,13 @@ def test_a_report_of_other_content_is_refused(written, tmp_path):
     other = msgspec.json.decode((written / "report.json").read_bytes()) | {"surprise": 1}
     (tmp_path / "report.json").write_bytes(msgspec.json.encode(other))
     with pytest.raises(FileError, match="surprise"):
-        read_json(tmp_path / "report.json", Report)
+        read_report(tmp_path / "report.json")
+    write_json(tmp_path / "report.json", other | {"schema": 2})
+    with pytest.raises(FileError, match=r"report\.json: has schema 2, and this goc reads 1"):
+        read_report(tmp_path / "report.json")
+    write_json(tmp_path / "report.json", {"goc": "0.1.0"})
+    with pytest.raises(FileError, match=r"has schema 0 of an older goc.*Carve again"):
+        read_report(tmp_path / "report.json")
 
 
 def test_the_overview_is_a_picture_of_everything(written):

@@ -1,0 +1,50 @@
+"""Splats and their views in, a scene of open objects out."""
+
+from dataclasses import replace
+
+import torch
+
+from goc.events import Listener, ignore
+from goc.extract.config import ExtractConfig, WorldConfig
+from goc.extract.fuse import fuse_scene
+from goc.extract.objects import extract_objects
+from goc.extract.world import find_world
+from goc.raster import CPU
+from goc.scene import Capture, Reconstruction, Scene
+
+
+def extract_scene(
+    splats: Reconstruction,
+    views: Capture,
+    config: ExtractConfig,
+    world: WorldConfig,
+    notify: Listener = ignore,
+    device: torch.device = CPU,
+) -> Scene:
+    """Mesh the scene and every object in it, and find the scene's world.
+
+    Args:
+        splats: what the scene is made of; each object gets those of its id.
+        views: photographs with the splats' depth and ids (`rendered_views`).
+        config: voxels, votes and the evidence boxes.
+        world: up and floor, where the user knows them.
+        notify: hears progress and warnings.
+        device: where views are fused.
+
+    Returns:
+        Open objects with evidence, ascending ids, in the capture's world and units; nothing is closed yet.
+
+    Raises:
+        ExtractError: no view has ids or depth, or no surface is left.
+    """
+    mesh = fuse_scene(views, config, notify, device)
+    objects = extract_objects(views, config, notify, device)
+    return Scene(
+        splats=splats.gaussians,
+        labels=splats.labels,
+        mesh=mesh,
+        objects=tuple(replace(item, splats=splats.gaussians[splats.labels == item.id]) for item in objects),
+        cameras=dict(zip(views.names, views.cameras, strict=True)),
+        world=find_world(mesh, views, world, notify),
+        metrics=dict(splats.metrics),
+    )

@@ -1,0 +1,141 @@
+"""The schema of scene.json: all of a scene but meshes, splats and grids, which are files of their own."""
+
+from typing import Annotated
+
+import msgspec
+import numpy as np
+import torch
+from jaxtyping import Float, Float64
+from torch import Tensor
+
+from goc import __version__
+from goc.scene import Camera, Scene, SceneObject, World
+
+VERSION = 1
+"""Of scene.json and of the files it speaks of. Raise it whenever an older goc would misread them."""
+
+Vector = tuple[float, float, float]
+Row = tuple[float, float, float, float]
+Matrix = tuple[Row, Row, Row, Row]
+"""Row by row; maps columns (x, y, z, 1)."""
+_Positive = Annotated[float, msgspec.Meta(gt=0.0)]
+_Count = Annotated[int, msgspec.Meta(ge=1)]
+
+
+class WorldEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """`World`, and the map that it implies."""
+
+    up: Vector
+    """Unit, in the world of the capture."""
+    floor: float
+    confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+    units_per_metre: _Positive
+    metric: bool
+    level_from_world: Matrix
+    """Capture's world → right-handed, z up, metres, floor at z = 0. Follows from the above."""
+
+
+class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """`Camera` of one view: x right, y down, z forward; pixel (0, 0) is centred at (0.5, 0.5)."""
+
+    name: str
+    focal_px: tuple[float, float]
+    centre_px: tuple[float, float]
+    width: _Count
+    height: _Count
+    world_from_cam: Matrix
+
+
+class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """One object, and which of its parts there are files of."""
+
+    id: _Count
+    name: str
+    world_from_object: Matrix
+    observed: bool
+    solid: bool
+    splats: bool
+    evidence: bool
+
+
+class SceneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """All of scene.json."""
+
+    schema: int
+    goc: str
+    """Version that wrote it."""
+    world: WorldEntry
+    objects: list[ObjectEntry]
+    """Ascending ids."""
+    cameras: list[CameraEntry]
+    metrics: dict[str, float | None]
+    """As the reconstruction measured them; null where a figure is not finite."""
+
+
+def entry_of(scene: Scene) -> SceneEntry:
+    """What scene.json says of a scene."""
+    return SceneEntry(
+        schema=VERSION,
+        goc=__version__,
+        world=WorldEntry(
+            up=tuple(scene.world.up.tolist()),
+            floor=float(scene.world.floor),
+            confidence=float(scene.world.confidence),
+            units_per_metre=float(scene.world.units_per_metre),
+            metric=scene.world.metric,
+            level_from_world=matrix_of(scene.world.level_from_world),
+        ),
+        objects=[_object_entry(item) for item in scene.objects],
+        cameras=[_camera_entry(name, camera) for name, camera in scene.cameras.items()],
+        metrics={name: float(value) for name, value in scene.metrics.items()},
+    )
+
+
+def matrix_of(matrix: Float64[np.ndarray, "4 4"] | Float[Tensor, "4 4"]) -> Matrix:
+    """A matrix as JSON has it."""
+    return tuple(tuple(float(value) for value in row) for row in matrix.tolist())
+
+
+def world_of(entry: WorldEntry) -> World:
+    """The world that scene.json tells of."""
+    return World(
+        up=np.array(entry.up, np.float64),
+        floor=entry.floor,
+        confidence=entry.confidence,
+        units_per_metre=entry.units_per_metre,
+        metric=entry.metric,
+    )
+
+
+def camera_of(entry: CameraEntry) -> Camera:
+    """The camera that scene.json tells of."""
+    return Camera(
+        focal_px=torch.tensor(entry.focal_px, dtype=torch.float32),
+        centre_px=torch.tensor(entry.centre_px, dtype=torch.float32),
+        width=entry.width,
+        height=entry.height,
+        world_from_cam=torch.tensor(entry.world_from_cam, dtype=torch.float32),
+    )
+
+
+def _object_entry(item: SceneObject) -> ObjectEntry:
+    return ObjectEntry(
+        id=item.id,
+        name=item.name,
+        world_from_object=matrix_of(item.world_from_object),
+        observed=item.observed is not None,
+        solid=item.solid is not None,
+        splats=item.splats is not None,
+        evidence=item.evidence is not None,
+    )
+
+
+def _camera_entry(name: str, camera: Camera) -> CameraEntry:
+    return CameraEntry(
+        name=name,
+        focal_px=tuple(camera.focal_px.tolist()),
+        centre_px=tuple(camera.centre_px.tolist()),
+        width=camera.width,
+        height=camera.height,
+        world_from_cam=matrix_of(camera.world_from_cam),
+    )
