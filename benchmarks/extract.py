@@ -15,7 +15,7 @@ import torch
 
 from goc import _native
 from goc.capture import load_capture
-from goc.complete import CompleteConfig, complete_objects
+from goc.complete import CompleteConfig, close_objects
 from goc.events import Event, Progress
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 
@@ -65,7 +65,7 @@ def stages(room: Path) -> dict[str, float]:
     clock.lap("evidence")
     fuse_scene(views, ExtractConfig(), clock.hear)
     clock.lap("scene surface")
-    complete_objects(objects, CompleteConfig(method="hull"))
+    close_objects(objects, CompleteConfig(method="hull"))
     clock.lap("complete")
     return clock.seconds
 

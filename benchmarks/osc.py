@@ -23,6 +23,7 @@ from goc.complete import (
     SIZES,
     Completer,
     LiteConfig,
+    Measured,
     Network,
     OccupancyField,
     PartialObject,
@@ -33,7 +34,7 @@ from goc.complete import (
 )
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.surfaces import vertex_normals
-from goc.scene import Evidence, EvidenceGrid, Mesh, ObjectMesh
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh
 from goc.training.config import TrainConfig
 from goc.training.loader import BatchRecipe
 from goc.training.samples import LoaderConfig, TrainingBatch
@@ -68,7 +69,7 @@ class CountedField:
         return self.inner.logits(points)
 
 
-def half_seen_ball() -> ObjectMesh:
+def half_seen_ball() -> Measured:
     """Seen from above by parallel rays: a band on its upper half, empty above and beside it, unknown below."""
     voxel = 2.0 / CELLS
     axis = voxel * (np.arange(CELLS) + 0.5) - 1.0
@@ -80,11 +81,8 @@ def half_seen_ball() -> ObjectMesh:
     state = np.where(surface, Evidence.SURFACE, np.where(passed, Evidence.EMPTY, Evidence.UNKNOWN))
     vertices, faces = grid_surface(distance.astype(np.float32), np.full(3, axis[0]), voxel)
     used, place = np.unique(faces[(vertices[faces][..., 2] > 0).all(axis=1)], return_inverse=True)
-    return ObjectMesh(
-        id=1,
-        label="ball",
+    return Measured(
         mesh=Mesh(vertices=vertices[used], faces=place.reshape(-1, 3).astype(np.int32)),
-        observed=np.ones(len(used), bool),
         evidence=EvidenceGrid(
             origin=np.full(3, axis[0]),
             voxel=voxel,
@@ -116,7 +114,7 @@ def timed(action: Callable[[], object], repeats: int) -> Took:
     return Took(wall=statistics.median(wall), cpu=statistics.median(cpu))
 
 
-def completed(found: ObjectMesh, network: Completer | None) -> ObjectMesh:
+def completed(found: Measured, network: Completer | None) -> FlaggedMesh:
     """From evidence to closed mesh: with a network, or the evidence hull."""
     if network is None:
         return compose(found, None)

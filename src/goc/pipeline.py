@@ -3,19 +3,20 @@
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import torch
+
 from goc.capture import CaptureConfig, load_capture
 from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
-from goc.files import write_png
 from goc.files.layout import OVERVIEW, REPORT
 from goc.priors.segmentation import SegmentConfig, segment
 from goc.raster import CPU, choose_engine, working_device
 from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
-from goc.report import draw_overview, write_report
+from goc.report import write_overview, write_report
 from goc.runs import RunRecord, claim_output
-from goc.scene import Scene
+from goc.scene import Capture, Reconstruction, Scene
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,9 +87,7 @@ def carve(
         views = rendered_views(splats, capture, engine.device)
         if not capture.has_ids:  # nor metric depth: the splats' own depth has to do
             with run.stage("segment"):
-                views = segment(views, config.segment, run)
-                voting = splats.gaussians.to(engine.device)
-                splats = replace(splats, labels=vote_labels(voting, views, list(range(len(views))), run))
+                views, splats = _told_apart(views, splats, config.segment, engine.device, run)
         with run.stage("extract"):
             scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
         with run.stage("complete"):
@@ -96,12 +95,20 @@ def carve(
             scene = complete_objects(scene, config.complete, run, device)
         with run.stage("export"):
             export_scene(output.staged, scene)
-            overview = draw_overview(scene, views, _title(source), config.export.overview_views, run)
-            write_png(output.staged / OVERVIEW, overview)
+            write_overview(output.staged / OVERVIEW, scene, views, _title(source), config.export.overview_views, run)
         used = replace(config, reconstruct=replace(config.reconstruct, engine=engine.name))
         write_report(output.staged / REPORT, source, given, scene, run, used)
         output.publish()
     return scene
+
+
+def _told_apart(
+    views: Capture, splats: Reconstruction, config: SegmentConfig, device: torch.device, run: RunRecord
+) -> tuple[Capture, Reconstruction]:
+    """Views with ids found in the splats' depth, and the splats with the labels that these vote for."""
+    views = segment(views, config, run)
+    labels = vote_labels(splats.gaussians.to(device), views, list(range(len(views))), run)
+    return views, replace(splats, labels=labels)
 
 
 def _title(source: Path) -> str:

@@ -5,6 +5,7 @@ import pytest
 from goc.cli import main
 from goc.cli.carve import parse
 from goc.errors import ConfigError
+from goc.extract import WorldConfig
 from goc.pipeline import PRESETS
 
 
@@ -36,6 +37,11 @@ def test_shortcuts_reach_their_stages():
     assert config.reconstruct.mcmc == PRESETS["fast"].reconstruct.mcmc
 
 
+def test_the_user_may_know_the_world_better():
+    config = parse(["photos", "--out", "out", "--world.up", "0", "-1", "0", "--world.floor", "0.5"]).config()
+    assert config.world == WorldConfig(up=(0.0, -1.0, 0.0), floor=0.5)
+
+
 def test_no_iterations_are_refused():
     with pytest.raises(ConfigError, match="--iterations is 0: needs 1 or more"):
         parse(["photos", "--out", "out", "--iterations", "0"]).config()
@@ -58,6 +64,9 @@ def test_wrong_input_is_one_line_and_leaves_nothing(capsys, tmp_path):
     assert "transforms.json" in fails(capsys, ["carve", str(tmp_path), "--out", str(out)], 3)
     assert "--capture.units-per-metre is -1" in fails(
         capsys, ["carve", ".", "--out", str(out), "--capture.units-per-metre", "-1.0"], 2
+    )
+    assert "--world.up is 0 0 0: needs three finite numbers" in fails(
+        capsys, ["carve", ".", "--out", str(out), "--world.up", "0", "0", "0"], 2
     )
     assert not out.exists()
 

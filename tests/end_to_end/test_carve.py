@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from captures import LABELS, LENS, OBJECTS, ROOM_BOX, poses, see, write_nerfstudio
 from goc.capture import CaptureConfig
@@ -16,10 +17,10 @@ from goc.errors import ExportError, FileError, ReconstructError
 from goc.events import Progress, ignore
 from goc.export import ExportConfig
 from goc.extract import ExtractConfig
-from goc.files import image_size, read_json, read_mesh, read_observed_mesh, read_splats, write_points
+from goc.files import image_size, read_mesh, read_observed_mesh, read_scene, read_splats, write_points
 from goc.pipeline import CarveConfig, carve
 from goc.reconstruct import Mcmc, ReconstructConfig
-from goc.report import Report
+from goc.report import read_report
 from goc.scene import PointCloud
 from oracles.watertight import signed_volume, trouble
 
@@ -29,7 +30,8 @@ TINY = CarveConfig(
     export=ExportConfig(overview_views=1),
 )
 VIEWS = 24
-FILES = ("mesh.glb", "mesh.ply", "observed.ply", "splats.ply")
+FILES = ("evidence.safetensors", "mesh.glb", "mesh.ply", "observed.ply", "splats.ply")
+SCENE_FILES = ["scene.json", "scene/labels.safetensors", "scene/mesh.ply", "scene/splats.ply"]
 
 
 def stop_at(step):
@@ -60,7 +62,7 @@ def finished(capture, tmp_path_factory):
 
 def test_a_capture_becomes_a_scene_and_its_objects(finished):
     objects = [f"objects/{number}/{name}" for number in OBJECTS for name in FILES]
-    assert sorted(contents(finished)) == [*objects, "overview.png", "report.json", "scene/mesh.ply", "scene/splats.ply"]
+    assert sorted(contents(finished)) == [*objects, "overview.png", "report.json", *SCENE_FILES]
     scene = read_mesh(finished / "scene/mesh.ply")
     low, high = np.percentile(scene.vertices, [1, 99], axis=0)
     assert np.abs(low - ROOM_BOX[0]).max() < 0.1
@@ -82,8 +84,21 @@ def test_a_capture_becomes_a_scene_and_its_objects(finished):
     assert image_size(finished / "overview.png")[0] == 1720
 
 
+def test_a_finished_run_reads_back_as_the_scene_that_it_made(capture, finished, tmp_path):
+    made = carve(capture, tmp_path / "out", TINY)
+    read = read_scene(finished)
+    assert torch.equal(read.splats.means, made.splats.means) and torch.equal(read.labels, made.labels)
+    assert list(read.cameras) == list(made.cameras) and len(read.cameras) == VIEWS
+    for one, other in zip(read.objects, made.objects, strict=True):
+        assert (one.id, one.name) == (other.id, other.name)
+        assert np.array_equal(one.solid.mesh.vertices, other.solid.mesh.vertices)
+        assert np.array_equal(one.evidence.state, other.evidence.state)
+    assert read.world.up.tolist() == [0.0, 0.0, 1.0] and read.world.confidence > 0.8
+    assert read.world.floor == pytest.approx(0.0, abs=0.02)
+
+
 def test_the_report_tells_the_whole_run(finished, capture):
-    report = read_json(finished / "report.json", Report)
+    report = read_report(finished / "report.json")
     assert list(report.seconds) == ["capture", "reconstruct", "extract", "complete", "export"]
     assert (report.capture.path, report.capture.views) == (str(capture), VIEWS)
     assert [(item.id, item.label) for item in report.objects] == [(1, LABELS["1"]), (2, LABELS["2"])]
@@ -117,7 +132,7 @@ def test_a_stopped_run_resumes_to_the_very_same_bytes(capture, finished, tmp_pat
 
 def test_a_folder_with_results_is_refused_unless_told_and_survives_a_failure(capture, finished):
     before = contents(finished)
-    with pytest.raises(ExportError, match=r"is not empty \(4 entries, first: objects\)"):
+    with pytest.raises(ExportError, match=r"is not empty \(5 entries, first: objects\)"):
         carve(capture, finished, TINY)
     with pytest.raises(KeyboardInterrupt):
         carve(capture, finished, replace(TINY, export=ExportConfig(overwrite=True)), stop_at(10))
@@ -125,9 +140,9 @@ def test_a_folder_with_results_is_refused_unless_told_and_survives_a_failure(cap
 
 
 def test_objects_are_told_apart_without_ids(capture, tmp_path):
-    assets = carve(capture, tmp_path / "out", replace(TINY, capture=CaptureConfig(use_ids=False)))
-    assert len(assets.objects) >= 2
-    report = read_json(tmp_path / "out/report.json", Report)
+    scene = carve(capture, tmp_path / "out", replace(TINY, capture=CaptureConfig(use_ids=False)))
+    assert len(scene.objects) >= 2
+    report = read_report(tmp_path / "out/report.json")
     assert "segment" in report.seconds
     assert not report.capture.has_ids
 
@@ -138,11 +153,11 @@ def test_photographs_with_points_go_all_the_way(tmp_path):
     write_points(source / "points.ply", surface_points())
     config = replace(TINY, capture=CaptureConfig(use_ids=False, use_depth=False, units_per_metre=1.0))
     heard = []
-    assets = carve(source, tmp_path / "out", config, heard.append)
+    scene = carve(source, tmp_path / "out", config, heard.append)
     stages = {event.stage for event in heard if isinstance(event, Progress)}
     assert stages >= {"reconstruct", "segment", "label", "export"}
-    report = read_json(tmp_path / "out/report.json", Report)
-    assert len(report.objects) == len(assets.objects) >= 1
+    report = read_report(tmp_path / "out/report.json")
+    assert len(report.objects) == len(scene.objects) >= 1
     assert sum(item.splats for item in report.objects) > 100
     assert not report.capture.has_depth
 

@@ -1,18 +1,25 @@
 """Whole evaluations of small rooms whose answers are known."""
 
 import json
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 
+from assets import box_scene
 from captures import ROOM_BOX
+from goc.capture import load_capture
 from goc.errors import CaptureError, EvaluationError, FileError
 from goc.evaluation import Evaluation, evaluate, write_evaluation
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.protocols.replica import oriented_box
 from goc.evaluation.truth import read_truth
+from goc.events import ignore
 from goc.files import write_mesh
+from goc.pipeline import CarveConfig
+from goc.report import write_report
+from goc.runs import RunRecord
 from solids import cuboid, joined, moved, sphere, with_face_flipped
 from truths import CRATE, CUPBOARD, ROOM, write_run, write_truth
 
@@ -86,6 +93,10 @@ def test_ids_of_their_own_are_matched_by_shape(truth, tmp_path):
     run = write_run(tmp_path, {31: CUPBOARD, 4: CRATE, 9: moved(CRATE, (0.0, 0.0, 1.5))})
     assert evaluate(run, truth).missing == [1, 2]
     (run / "report.json").write_text(json.dumps({"goc": "0.1", "capture": {"has_ids": False, "path": "x"}}))
+    with pytest.raises(FileError, match=r"report\.json: has schema 0 of an older goc.*Carve again"):
+        evaluate(run, truth)
+    blind = replace(load_capture(truth), has_ids=False)
+    write_report(run / "report.json", truth, blind, box_scene(), RunRecord(ignore), CarveConfig())
     found = evaluate(run, truth)
     assert found.matching == "shape" and found.missing == []
     assert {id: item.predicted for id, item in found.objects.items()} == {1: 4, 2: 31}

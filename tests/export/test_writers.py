@@ -12,8 +12,8 @@ from goc.capture import load_capture
 from goc.errors import FileError
 from goc.events import Progress, Warned, ignore
 from goc.export import WRITERS, export_scene
-from goc.files import read_mesh, read_observed_mesh, read_scene, read_splats, write_json, write_png
-from goc.report import draw_overview, read_report, write_report
+from goc.files import read_mesh, read_observed_mesh, read_scene, read_splats, write_json
+from goc.report import read_report, write_overview, write_report
 from goc.runs import RunRecord
 
 
@@ -46,7 +46,7 @@ def written(capture, tmp_path_factory):
     record = RunRecord(ignore)
     with record.stage("export"):
         export_scene(folder, closed((7, 12)))
-        write_png(folder / "overview.png", draw_overview(closed((7, 12)), capture, "a room", 3, record))
+        write_overview(folder / "overview.png", closed((7, 12)), capture, "a room", 3, record)
     record(Warned(stage="capture", message="one view is dark"))
     write_report(folder / "report.json", folder / "capture", capture, closed((7, 12)), record, Settings())
     return folder

@@ -2,12 +2,13 @@
 
 from dataclasses import FrozenInstanceError, replace
 
+import numpy as np
 import pytest
 import torch
 
 from cameras import pinhole, turned
 from goc.geometry.rays import pixel_rays
-from goc.scene import Capture, Frame, Gaussians
+from goc.scene import Capture, FlaggedMesh, Frame, Gaussians, Mesh, SceneObject, World
 
 VIEW = pinhole((50.0, 52.0), (64, 48), (30.0, 22.0), turned((0.3, -0.5, 0.7, 0.2), (1.0, -2.0, 0.5)))
 
@@ -77,3 +78,32 @@ def test_a_capture_loads_views_when_asked():
     for index in (3, -4):
         with pytest.raises(IndexError):
             capture[index]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_frame_of_exports_is_right_handed_level_and_in_metres(seed):
+    random = np.random.default_rng(seed)
+    up = random.normal(size=3) if seed else np.array([1.0, 0, 0])
+    up /= np.linalg.norm(up)
+    unit, floor = 10.0 ** random.uniform(-2, 2), random.normal()
+    matrix = World(up=up, floor=floor, confidence=1.0, units_per_metre=unit, metric=True).level_from_world
+    turn = matrix[:3, :3] * unit
+    assert np.allclose(turn @ turn.T, np.eye(3)) and np.linalg.det(turn) == pytest.approx(1.0)
+    assert turn @ up == pytest.approx([0, 0, 1])
+    on_floor = floor * up + np.cross(up, random.normal(size=3))
+    assert (matrix[:3, :3] @ on_floor + matrix[:3, 3])[2] == pytest.approx(0.0, abs=1e-9 + 1e-9 / unit)
+    assert matrix[3].tolist() == [0, 0, 0, 1]
+
+
+def test_a_world_with_z_up_is_not_turned():
+    world = World(up=np.array([0.0, 0, 1]), floor=0.5, confidence=1.0, units_per_metre=2.0, metric=True)
+    assert np.array_equal(world.level_from_world[:3, :3], np.eye(3) / 2) and world.level_from_world[2, 3] == -0.25
+
+
+def test_the_surface_of_an_object_is_the_closed_one_where_there_is_one():
+    mesh = Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
+    seen, closed = (FlaggedMesh(mesh=mesh, observed=np.zeros(0, bool)) for _ in range(2))
+    bare = SceneObject(id=1, name="cup")
+    assert bare.surface is None and np.array_equal(bare.world_from_object, np.eye(4))
+    assert replace(bare, observed=seen).surface is seen
+    assert replace(bare, observed=seen, solid=closed).surface is closed

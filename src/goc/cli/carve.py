@@ -99,6 +99,7 @@ def parse(words: Sequence[str]) -> Arguments:
         segment=preset.segment,
         reconstruct=preset.reconstruct,
         extract=preset.extract,
+        world=preset.world,
         complete=preset.complete,
     )
     return tyro.cli(arguments, prog="goc carve", description=_DESCRIPTION, args=list(words))

@@ -3,11 +3,13 @@
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float64, UInt8
 
 from goc.events import Progress
+from goc.files import write_png
 from goc.raster import render
 from goc.report.canvas import ALARM, FAINT, Canvas
 from goc.report.palette import colour_of_id, colours_of_depth, colours_of_ids
@@ -44,6 +46,15 @@ class _Row:
     depth: Float64[np.ndarray, "h w"]
     """Metres."""
     ids: UInt8[np.ndarray, "h w 3"]
+
+
+def write_overview(path: Path, scene: Scene, views: Capture, title: str, count: int, run: RunRecord) -> None:
+    """Draw overview.png and write it; see `draw_overview`.
+
+    Raises:
+        FileError: the disk refuses.
+    """
+    write_png(path, draw_overview(scene, views, title, count, run))
 
 
 def draw_overview(scene: Scene, views: Capture, title: str, count: int, run: RunRecord) -> UInt8[np.ndarray, "h w 3"]:
