@@ -29,12 +29,12 @@ def main(folder: Path) -> None:
     if not room.exists():
         make_room_capture(room, RoomConfig(views=12, width=96, height=96, objects=6, samples=2))
 
-    # Small and quick: 200 steps instead of 2,000, and unseen surface from the evidence instead of a network.
+    # Small and quick: 100 steps instead of 2,000, and unseen surface from the evidence instead of a network.
     # carve(room, carved) alone has the settings of `goc carve`.
     fast = PRESETS["fast"]
     config = replace(
         fast,
-        reconstruct=replace(fast.reconstruct, iterations=200),
+        reconstruct=replace(fast.reconstruct, iterations=100),
         complete=CompleteConfig(method="hull"),
         export=ExportConfig(overwrite=True),
     )

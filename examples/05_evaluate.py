@@ -20,7 +20,7 @@ def main(folder: Path) -> None:
         print(f"{name}: {'undefined' if value is None else f'{value:.3f}'} (mean of {found.mean_over[name]} objects)")
     worst = min(found.objects, key=lambda id: found.objects[id].figures["f_score_0.05"] or 0.0)
     print(f"worst: object {worst}, {found.objects[worst].label}")
-    write_evaluation(found, folder / "judged")
+    write_evaluation(found, folder / "judged", worst=1)
     print(f"look at {folder / 'judged' / 'eval.html'}")
 
 
