@@ -1,5 +1,8 @@
 """Errors that a user can cause, one class a stage; the command line prints their text and nothing else."""
 
+import re
+from collections.abc import Callable
+
 
 class GocError(Exception):
     """Where, how many, the first culprit, what to do: one sentence or two, no traceback needed."""
@@ -20,7 +23,25 @@ class CaptureError(GocError):
 
 
 class ConfigError(GocError):
-    """A setting is out of range or contradicts another."""
+    """A setting is out of range or contradicts another.
+
+    The text names settings by their fields in braces, as in `{near_m} is 3: needs less than {far_m}.` From Python they
+    read `StereoConfig.near_m`; the command line, which knows where that class is nested, puts its flags there.
+    """
+
+    def __init__(self, text: str, owner: type | None = None) -> None:
+        """Say what is wrong.
+
+        Args:
+            text: one line; names in braces are fields of `owner`.
+            owner: class of the settings at fault; None where the text names no field.
+        """
+        self.text, self.owner = text, owner
+        super().__init__(self.spelled(lambda name: f"{owner.__name__}.{name}") if owner else text)
+
+    def spelled(self, spell: Callable[[str], str]) -> str:
+        """The text with every name in braces replaced by what `spell` makes of it."""
+        return re.sub(r"\{(\w+)\}", lambda found: spell(found[1]), self.text)
 
 
 class EngineError(GocError):

@@ -182,11 +182,11 @@ def test_rooms_are_found_or_refused(tmp_path):
 
 
 def test_refused_settings():
-    with pytest.raises(ConfigError, match="No rooms"):
+    with pytest.raises(ConfigError, match="BenchConfig.synth_rooms is 0, which leaves no rooms"):
         BenchConfig(synth_rooms=0)
     with pytest.raises(ConfigError, match="not given"):
         BenchConfig(rooms=("den",))
-    with pytest.raises(ConfigError, match="synth-rooms is -1"):
+    with pytest.raises(ConfigError, match="synth_rooms is -1"):
         BenchConfig(synth_rooms=-1)
     with pytest.raises(ConfigError, match="There are: rooms, completion, sensors"):
         BenchConfig(suites=())

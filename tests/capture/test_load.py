@@ -47,10 +47,10 @@ def test_paths_that_are_nothing_are_refused(tmp_path):
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"max_side_px": 3}, "--capture.max-side-px is 3"),
-        ({"units_per_metre": 0.0}, "--capture.units-per-metre is 0.0"),
-        ({"units_per_metre": float("nan")}, "--capture.units-per-metre is nan"),
-        ({"cache_mb": -1}, "--capture.cache-mb is -1"),
+        ({"max_side_px": 3}, "CaptureConfig.max_side_px is 3: needs 16 or more"),
+        ({"units_per_metre": 0.0}, "CaptureConfig.units_per_metre is 0: needs more than 0"),
+        ({"units_per_metre": float("nan")}, "CaptureConfig.units_per_metre is nan"),
+        ({"cache_mb": -1}, "CaptureConfig.cache_mb is -1: needs 0 or more"),
     ],
 )
 def test_settings_out_of_range_are_refused(settings, message):

@@ -2,22 +2,23 @@ from pathlib import Path
 
 import pytest
 
+from captures import write_nerfstudio
 from goc.cli import main
-from goc.cli.carve import parse
+from goc.cli.carve import arguments_of
 from goc.errors import ConfigError
 from goc.extract import WorldConfig
 from goc.pipeline import PRESETS
 
 
 def test_defaults_are_the_fast_preset():
-    arguments = parse(["photos", "--out", "out"])
+    arguments = arguments_of(["photos", "--out", "out"])
     assert (arguments.source, arguments.out) == (Path("photos"), Path("out"))
     assert arguments.config() == PRESETS["fast"]
 
 
 @pytest.mark.parametrize("words", [["--preset", "paper"], ["--preset=paper"]])
 def test_a_preset_gives_defaults_that_settings_change(words):
-    config = parse(["photos", "--out", "out", *words, "--reconstruct.sh-degree", "2"]).config()
+    config = arguments_of(["photos", "--out", "out", *words, "--reconstruct.sh-degree", "2"]).config()
     assert (config.reconstruct.iterations, config.reconstruct.labels) == (30_000, "learned")
     assert config.reconstruct.sh_degree == 2
     assert PRESETS["paper"].reconstruct.sh_degree == 3
@@ -30,7 +31,7 @@ def test_a_preset_gives_defaults_that_settings_change(words):
 
 def test_shortcuts_reach_their_stages():
     words = ["photos", "--out", "out", "--iterations", "7", "--seed", "5", "--overwrite", "--capture.no-use-ids"]
-    config = parse(words).config()
+    config = arguments_of(words).config()
     assert (config.reconstruct.iterations, config.reconstruct.seed, config.segment.seed) == (7, 5, 5)
     assert config.export.overwrite
     assert not config.capture.use_ids
@@ -38,13 +39,32 @@ def test_shortcuts_reach_their_stages():
 
 
 def test_the_user_may_know_the_world_better():
-    config = parse(["photos", "--out", "out", "--world.up", "0", "-1", "0", "--world.floor", "0.5"]).config()
-    assert config.world == WorldConfig(up=(0.0, -1.0, 0.0), floor=0.5)
+    words = ["photos", "--out", "out", "--world.up", "0", "-1", "0", "--world.floor", "0.5"]
+    assert arguments_of(words).config().world == WorldConfig(up=(0.0, -1.0, 0.0), floor=0.5)
 
 
-def test_no_iterations_are_refused():
-    with pytest.raises(ConfigError, match="--iterations is 0: needs 1 or more"):
-        parse(["photos", "--out", "out", "--iterations", "0"]).config()
+@pytest.mark.parametrize("flag", ["--iterations", "--reconstruct.iterations"])
+def test_a_shortcut_is_refused_as_it_was_typed(flag):
+    with pytest.raises(ConfigError, match=f"^{flag} is 0: needs 1 or more"):
+        arguments_of(["photos", "--out", "out", flag, "0"])
+
+
+@pytest.mark.parametrize(
+    "words", [["--preset", "paper", "photos", "--out", "out"], ["photos", "--preset=paper", "--out=out"]]
+)
+def test_a_preset_stands_anywhere(words):
+    assert arguments_of(words).config() == PRESETS["paper"]
+
+
+def test_help_shows_the_defaults_of_the_preset(capsys):
+    shown = []
+    for words in ([], ["--preset", "paper"]):
+        with pytest.raises(SystemExit) as left:
+            arguments_of([*words, "--help"])
+        assert left.value.code == 0
+        shown.append(capsys.readouterr().out)
+    assert "(default: 2000)" in shown[0] and "(default: 30000)" not in shown[0]
+    assert "(default: 30000)" in shown[1] and "examples:" in shown[1]
 
 
 def fails(capsys, words, code):
@@ -68,6 +88,23 @@ def test_wrong_input_is_one_line_and_leaves_nothing(capsys, tmp_path):
     assert "--world.up is 0 0 0: needs three finite numbers" in fails(
         capsys, ["carve", ".", "--out", str(out), "--world.up", "0", "0", "0"], 2
     )
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["--reconstruct.sh-degree", "7"],
+        ["--reconstruct.mcmc.every", "0"],
+        ["--reconstruct.holdout-every", "-3"],
+        ["--segment.max-views", "0"],
+    ],
+)
+def test_bad_settings_of_a_good_capture_are_one_line_that_spells_the_flag(capsys, tmp_path, words):
+    capture = write_nerfstudio(tmp_path / "capture")
+    out = tmp_path / "out"
+    said = fails(capsys, ["carve", str(capture), "--out", str(out), *words], 2)
+    assert said.startswith(f"error: {words[0]} is {words[1]}: needs ")
     assert not out.exists()
 
 

@@ -211,12 +211,12 @@ def test_the_stage_closes_what_it_can_and_says_what_it_cannot():
 @pytest.mark.parametrize(
     ("settings", "text"),
     [
-        ({"threshold": 1.0}, r"--complete\.threshold is 1\.0: it is an occupancy"),
-        ({"coarse_cells": 4}, r"--complete\.coarse-cells is 4: needs 8 to 512"),
-        ({"method": "osc"}, r"method osc needs --complete\.weights"),
+        ({"threshold": 1.0}, r"CompleteConfig\.threshold is 1: needs more than 0, below 1"),
+        ({"coarse_cells": 4}, r"CompleteConfig\.coarse_cells is 4: needs 8 to 512"),
+        ({"method": "osc"}, r"method osc needs CompleteConfig\.weights"),
         (
             {"method": "hull", "weights": __file__},
-            r"weights is given, but --complete\.method hull uses none",
+            r"weights is given, but CompleteConfig\.method hull uses none",
         ),
     ],
 )

@@ -125,9 +125,9 @@ def test_too_few_points_and_settings_without_meaning_are_refused():
     with pytest.raises(CompleteError, match="60 points tell no surface: 50 are needed, in more than one place"):
         complete_scan(few, ScanConfig())
     for settings, text in (
-        ({"cells": 4}, "--cells is 4: needs 16 to 400"),
-        ({"threshold": 0.0}, "--threshold is 0.0: it is an occupancy"),
-        ({"method": "osc"}, "--method osc needs --weights"),
+        ({"cells": 4}, "ScanConfig.cells is 4: needs 16 to 400"),
+        ({"threshold": 0.0}, "ScanConfig.threshold is 0: needs more than 0, below 1"),
+        ({"method": "osc"}, "ScanConfig.method osc needs ScanConfig.weights"),
     ):
         with pytest.raises(ConfigError, match=text):
             ScanConfig(**settings)

@@ -167,7 +167,7 @@ def test_a_moved_and_scaled_room_gives_the_moved_and_scaled_meshes(objects):
 
 def test_turns_do_not_change_the_result(room, objects):
     heard = []
-    one_by_one = extract_objects(room, replace(CONFIG, memory_blocks=1), heard.append)
+    one_by_one = extract_objects(room, replace(CONFIG, memory_blocks=32), heard.append)
     for found in one_by_one:
         assert np.array_equal(found.observed.mesh.vertices, objects[found.id].observed.mesh.vertices)
         assert np.array_equal(found.evidence.state, objects[found.id].evidence.state)
@@ -210,8 +210,8 @@ def test_views_that_contradict_each_other_leave_no_scene(room):
 @pytest.mark.parametrize(
     ("setting", "text"),
     [
-        ({"object_voxel": 0.0}, "extract.object_voxel is 0.0: it must be above 0"),
-        ({"truncation_voxels": 1.5}, "a band below 2 voxels leaves holes"),
+        ({"object_voxel": 0.0}, "ExtractConfig.object_voxel is 0: needs more than 0"),
+        ({"truncation_voxels": 1.5}, "ExtractConfig.truncation_voxels is 1.5: needs 2 to 64"),
     ],
 )
 def test_settings_out_of_range_are_refused(setting, text):

@@ -194,10 +194,10 @@ def test_photographs_that_match_nowhere_start_from_the_scene_box():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        ({"planes": 20}, r"stereo\.planes is 20: needs a multiple of 16"),
-        ({"side_px": 16}, r"stereo\.side-px is 16: needs at least 32"),
-        ({"near_m": 3.0, "far_m": 2.0}, r"stereo\.near-m is 3\.0 and .*far-m 2\.0: needs 0 < near < far"),
-        ({"neighbours": 1}, r"stereo\.neighbours is 1: .*agreeing is 2"),
+        ({"planes": 20}, r"StereoConfig\.planes is 20: needs a multiple of 16"),
+        ({"side_px": 16}, r"StereoConfig\.side_px is 16: needs 32 to 8192"),
+        ({"near_m": 3.0, "far_m": 2.0}, r"StereoConfig\.near_m is 3: needs less than StereoConfig\.far_m \(2\)"),
+        ({"neighbours": 1}, r"StereoConfig\.neighbours is 1: needs at least as many as StereoConfig\.agreeing \(2\)"),
     ],
 )
 def test_impossible_settings_are_refused(settings, message):

@@ -109,7 +109,7 @@ def test_several_views_a_step_are_their_mean(capture):
     apart = (native.gaussians.means - device.gaussians.means).norm(dim=-1)
     alone = reconstruct(capture, replace(config, views_a_step=1), engine=ON_DEVICE)
     assert apart.median() < 0.05 * (native.gaussians.means - alone.gaussians.means).norm(dim=-1).median()
-    with pytest.raises(ConfigError, match="views-a-step is 0: needs 1 or more"):
+    with pytest.raises(ConfigError, match="ReconstructConfig.views_a_step is 0: needs 1 or more"):
         replace(config, views_a_step=0)
 
 

@@ -192,9 +192,9 @@ def test_views_that_are_alone_are_told(capture):
 @pytest.mark.parametrize(
     ("wrong", "text"),
     [
-        ({"neighbours": 0}, r"--reconstruct\.multiview\.neighbours is 0: needs 1 or more"),
-        ({"min_baseline": 2.0}, r"min-baseline is 2\.0 and max-baseline 1\.5: needs 0 or more"),
-        ({"min_baseline": -0.1}, r"min-baseline is -0\.1"),
+        ({"neighbours": 0}, r"Multiview\.neighbours is 0: needs 1 or more"),
+        ({"min_baseline": 2.0}, r"Multiview\.min_baseline is 2: needs less than Multiview\.max_baseline \(1\.5\)"),
+        ({"min_baseline": -0.1}, r"Multiview\.min_baseline is -0\.1: needs 0 or more"),
     ],
 )
 def test_settings_that_make_no_pair_are_refused(wrong, text):

@@ -201,7 +201,7 @@ def test_features_change_only_in_the_steps_that_have_their_loss(capture):
     assert not torch.equal(features[1], features[2])
     rare = reconstruct(capture, replace(config, iterations=150))
     assert label_agreement(capture, rare) > 0.9
-    with pytest.raises(ConfigError, match="identity-every is 0: needs 1 or more"):
+    with pytest.raises(ConfigError, match="LossWeights.identity_every is 0: needs 1 or more"):
         LossWeights(identity_every=0)
 
 

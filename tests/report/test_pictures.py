@@ -132,5 +132,5 @@ def test_objects_are_pictured_and_measured_as_far_as_they_are_there():
 
 
 def test_the_number_of_views_has_bounds():
-    with pytest.raises(ConfigError, match=r"--export\.overview-views is 0: needs 1 to 40"):
+    with pytest.raises(ConfigError, match=r"ExportConfig\.overview_views is 0: needs 1 to 40"):
         ExportConfig(overview_views=0)

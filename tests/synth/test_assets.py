@@ -16,7 +16,7 @@ def piece(solid):
 
 
 def source(tmp_path, **settings):
-    return MeshFolder(folder=tmp_path, **settings)
+    return MeshFolder(meshes=tmp_path, **settings)
 
 
 def signed_volume(vertices, faces):
@@ -104,5 +104,5 @@ def test_folders_of_no_use_are_refused(tmp_path):
         list_meshes(source(tmp_path))
     with pytest.raises(FileError, match="not a folder"):
         list_meshes(source(tmp_path / "none"))
-    with pytest.raises(ConfigError, match="--scale is 0: needs more than 0"):
+    with pytest.raises(ConfigError, match="MeshFolder.scale is 0: needs more than 0"):
         source(tmp_path, scale=0.0)

@@ -167,5 +167,5 @@ def test_a_folder_with_something_in_it_is_refused(demo_config, tmp_path):
 
 @pytest.mark.parametrize(("name", "value"), [("views", 7), ("width", 0), ("objects", 1), ("samples", 0), ("seed", -1)])
 def test_settings_out_of_range_are_refused(name, value):
-    with pytest.raises(ConfigError, match=f"--{name} is {value}: needs"):
+    with pytest.raises(ConfigError, match=f"RoomConfig.{name} is {value}: needs"):
         RoomConfig(**{name: value})

@@ -25,14 +25,14 @@ COUNT = 9
 
 @pytest.fixture(scope="module")
 def meshes(tmp_path_factory):
-    return MeshFolder(folder=write_folder(tmp_path_factory.mktemp("meshes") / "folder"))
+    return MeshFolder(meshes=write_folder(tmp_path_factory.mktemp("meshes") / "folder"))
 
 
 @pytest.fixture(scope="module")
 def config(meshes):
     return RoomConfig(
         seed=3, views=16, sparse_views=4, width=64, height=64, objects=COUNT, samples=1, normals=True, images="jpg",
-        meshes=meshes,
+        furniture=meshes,
     )  # fmt: skip
 
 
@@ -167,7 +167,7 @@ def test_built_in_furniture_holds_what_a_folder_has_nothing_for(tmp_path):
     for index in range(6):
         solid = rounded_box((0.12, 0.1, 0.08 + 0.02 * index))
         write_mesh(tmp_path / f"block{index}.ply", mesh_of(solid))
-    room = furnish_with_meshes(0, 6, MeshFolder(folder=tmp_path), ignore)
+    room = furnish_with_meshes(0, 6, MeshFolder(meshes=tmp_path), ignore)
     names = [model.name for model in room.objects.values()]
     assert "coffee table" in names and sum(name.startswith("block") for name in names) == 4
     assert all(model.bounds[0][2] > 0.1 for model in room.objects.values() if model.name.startswith("block"))
@@ -176,10 +176,10 @@ def test_built_in_furniture_holds_what_a_folder_has_nothing_for(tmp_path):
 def test_misuse_is_refused(tmp_path, meshes, capsys, monkeypatch):
     monkeypatch.setattr("goc.synth.mesh_room._ATTEMPTS", 2)
     with pytest.raises(ConfigError, match="no mesh is of use in a room"):
-        furnish_with_meshes(0, 6, MeshFolder(folder=meshes.folder, max_m=0.07), ignore)
+        furnish_with_meshes(0, 6, MeshFolder(meshes=meshes.folder, max_m=0.07), ignore)
     with pytest.raises(ConfigError, match="no place found for 30 things"):
         furnish_with_meshes(0, 30, meshes, ignore)
-    with pytest.raises(ConfigError, match="--objects is 30: built-in rooms have 6 to 16"):
+    with pytest.raises(ConfigError, match="RoomConfig.objects is 30: built-in rooms have 6 to 16"):
         make_room_capture(tmp_path / "out", RoomConfig(objects=30))
     assert main(["synth", "room", str(tmp_path / "out"), "--split", "val"]) == 2
     assert "are for meshes. Add --meshes FOLDER" in capsys.readouterr().err
@@ -194,6 +194,6 @@ def test_the_command_makes_a_benchmark_room(tmp_path, capsys, monkeypatch):
     assert main(["synth", "room", str(tmp_path), "--seed", "2"]) == 0
     assert "goc carve" in capsys.readouterr().out
     (out, first), (_, second) = asked
-    assert out == tmp_path and (first.meshes.folder.name, first.meshes.up, first.objects) == ("things", "y", 30)
+    assert out == tmp_path and (first.furniture.folder.name, first.furniture.up, first.objects) == ("things", "y", 30)
     assert (second.views, second.sparse_views, second.width, second.height) == (170, 50, 384, 384)
-    assert second.meshes is None and (second.seed, second.objects, second.images) == (2, 10, "jpg")
+    assert second.furniture.meshes is None and (second.seed, second.objects, second.images) == (2, 10, "jpg")

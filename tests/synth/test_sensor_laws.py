@@ -268,13 +268,16 @@ def test_masks_grow_and_shrink_by_2_to_6_pixels():
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: StructuredLight(noise_m=-1.0), "--kinect.noise-m is -1: needs 0 to 1"),
-        (lambda: StructuredLight(max_m=0.1), "--kinect.max-m is 0.1: needs 0.4"),
-        (lambda: Lidar(columns=1), "--phone.columns is 1"),
-        (lambda: MonocularDepth(waves=float("nan")), "--monocular.waves is nan"),
-        (lambda: ImageFaults(exposure_ev=9.0), "--image.exposure-ev is 9"),
-        (lambda: PoseFaults(rotation_deg=91.0), "--pose.rotation-deg is 91"),
-        (lambda: SensorConfig(masks=1.1), "--masks is 1.1: needs 0 to 1"),
+        (lambda: StructuredLight(noise_m=-1.0), "StructuredLight.noise_m is -1: needs 0 to 1"),
+        (
+            lambda: StructuredLight(max_m=0.1),
+            "StructuredLight.min_m is 0.4: needs less than StructuredLight.max_m .0.1.",
+        ),
+        (lambda: Lidar(columns=1), "Lidar.columns is 1"),
+        (lambda: MonocularDepth(waves=float("nan")), "MonocularDepth.waves is nan"),
+        (lambda: ImageFaults(exposure_ev=9.0), "ImageFaults.exposure_ev is 9"),
+        (lambda: PoseFaults(rotation_deg=91.0), "PoseFaults.rotation_deg is 91"),
+        (lambda: SensorConfig(masks=1.1), "SensorConfig.masks is 1.1: needs 0 to 1"),
     ],
 )
 def test_settings_out_of_range_are_refused(make, text):

@@ -72,5 +72,5 @@ def test_the_same_seed_deals_the_same():
 
 @pytest.mark.parametrize("reuse", [0, 9])
 def test_more_uses_than_poses_are_refused(reuse):
-    with pytest.raises(ConfigError, match=f"--loader.reuse is {reuse}: needs 1 to 8"):
+    with pytest.raises(ConfigError, match=f"LoaderConfig.reuse is {reuse}: needs 1 to 8"):
         LoaderConfig(reuse=reuse)

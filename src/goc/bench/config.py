@@ -4,14 +4,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
+from goc.capture.config import SidePx
 from goc.errors import ConfigError
+from goc.settings import Count, CountOrNone, Settings
 
 Suite = Literal["rooms", "completion", "sensors", "labels", "ablations", "paper"]
 SUITES: tuple[Suite, ...] = ("rooms", "completion", "sensors", "labels", "ablations", "paper")
 
 
 @dataclass(frozen=True, kw_only=True)
-class BenchConfig:
+class BenchConfig(Settings):
     """What is measured on what."""
 
     suites: tuple[Suite, ...] = SUITES
@@ -22,25 +24,25 @@ class BenchConfig:
     """Folder of rooms with ground truth (a folder each: transforms.json, transforms_sparse.json, gt/)."""
     rooms: tuple[str, ...] = ()
     """Which rooms of --data; default: all."""
-    synth_rooms: int = 1
+    synth_rooms: CountOrNone = 1
     """Rooms that `goc synth` makes for the benchmark, beside those of --data."""
     ablation_rooms: tuple[str, ...] = ()
     """Rooms of the suites ablations and paper; default: the first."""
     ablation_views: Literal["full", "sparse"] = "sparse"
     """Views of the suites ablations and paper."""
-    iterations: int | None = None
+    iterations: Count | None = None
     """Optimisation steps of every run except the paper's; default: the preset's."""
-    max_side_px: int | None = None
+    max_side_px: SidePx | None = None
     """Scale views down to this; default: as `goc carve` does."""
     fresh: bool = False
     """Measure again what is measured already."""
 
     def __post_init__(self) -> None:
-        if self.synth_rooms < 0:
-            raise ConfigError(f"--synth-rooms is {self.synth_rooms}: needs 0 or more.")
+        """Refuse a benchmark that measures nothing."""
+        super().__post_init__()
         if not self.suites:
-            raise ConfigError(f"--suites names none. There are: {', '.join(SUITES)}.")
+            raise ConfigError(f"{{suites}} names none. There are: {', '.join(SUITES)}.", type(self))
         if self.data is None and self.rooms:
-            raise ConfigError("--rooms chooses among the rooms of --data, which is not given.")
+            raise ConfigError("{rooms} chooses among the rooms of {data}, which is not given.", type(self))
         if self.data is None and not self.synth_rooms:
-            raise ConfigError("No rooms: give --data FOLDER, or --synth-rooms 1 or more.")
+            raise ConfigError("{synth_rooms} is 0, which leaves no rooms: needs 1 or more, or {data}.", type(self))

@@ -1,13 +1,17 @@
 """Settings of the readers."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from goc.errors import ConfigError
 from goc.scene import DepthKind
+from goc.settings import CountOrNone, Positive, Range, Settings
+
+SidePx = Annotated[int, Range(least=16)]
+"""Longer side of a view, pixels."""
 
 
 @dataclass(frozen=True)
-class CaptureConfig:
+class CaptureConfig(Settings):
     """How a capture is read."""
 
     use_ids: bool = True
@@ -21,17 +25,9 @@ class CaptureConfig:
     each view, as monocular networks estimate depth and disparity. Default: as the capture says, else metric."""
     allow_missing: bool = False
     """Leave out views whose image is missing, and missing depth, ids or normals, with a warning instead of an error."""
-    max_side_px: int = 640
+    max_side_px: SidePx = 640
     """Scale views down until the longer side has at most this many pixels."""
-    units_per_metre: float | None = None
+    units_per_metre: Positive | None = None
     """Scene units in one metre, where you know it. Default: 1 with metric depth, else guessed from the camera path."""
-    cache_mb: int = 512
+    cache_mb: CountOrNone = 512
     """Memory for decoded views, in MiB; views beyond it are decoded again when asked for."""
-
-    def __post_init__(self) -> None:
-        if self.max_side_px < 16:
-            raise ConfigError(f"--capture.max-side-px is {self.max_side_px}: needs at least 16.")
-        if self.units_per_metre is not None and not 0 < self.units_per_metre < float("inf"):
-            raise ConfigError(f"--capture.units-per-metre is {self.units_per_metre}: needs a positive number.")
-        if self.cache_mb < 0:
-            raise ConfigError(f"--capture.cache-mb is {self.cache_mb}: needs 0 or more.")

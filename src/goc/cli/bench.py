@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from goc.bench import BenchConfig, bench
+from goc.cli.arguments import parse
 from goc.cli.failures import STOPPED, say
 from goc.cli.progress import shown_progress
 
@@ -38,7 +39,7 @@ class Arguments:
 
 def main(words: Sequence[str]) -> int:
     """Run `goc bench` with the words that follow it."""
-    arguments = tyro.cli(Arguments, prog="goc bench", description=_DESCRIPTION, args=list(words))
+    arguments = parse(Arguments, words, "goc bench", _DESCRIPTION)
     command = shlex.join(["goc", "bench", *words])
     try:
         with shown_progress() as notify:

@@ -11,19 +11,14 @@ from typing import Annotated, Literal
 
 import tyro
 
-from goc.capture import CaptureConfig
+from goc.cli.arguments import parse, parse_known
 from goc.cli.failures import STOPPED, say
 from goc.cli.progress import duration, shown_progress
-from goc.complete import CompleteConfig
-from goc.errors import ConfigError
-from goc.export import ExportConfig
-from goc.extract import ExtractConfig, WorldConfig
 from goc.files import layout
 from goc.pipeline import PRESETS, CarveConfig, carve
-from goc.priors.segmentation import SegmentConfig
-from goc.reconstruct import ReconstructConfig
 from goc.runs import is_stopped_run
 from goc.scene import Scene
+from goc.settings import Count, Seed, Settings
 
 _DESCRIPTION = """Turn a folder of posed photographs into a scene and separate objects.
 
@@ -40,69 +35,57 @@ Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments:
+class Base:
+    """What all other settings are changes of."""
+
+    preset: Literal["fast", "paper"] = "fast"
+    """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: half an hour."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Arguments(Base, Settings):
     """What stands on the command line."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="CAPTURE"), tyro.conf.Positional]
     """Folder of the capture."""
     out: Annotated[Path, tyro.conf.arg(metavar="OUT")]
     """Folder for the results: new or empty."""
-    preset: Literal["fast", "paper"] = "fast"
-    """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: half an hour."""
-    iterations: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    iterations: Annotated[Count | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Optimisation steps; short for --reconstruct.iterations."""
-    seed: Annotated[int | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
+    seed: Annotated[Seed | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Of all randomness; short for --reconstruct.seed and --segment.seed."""
     overwrite: Flag = False
     """Replace what goc wrote into OUT before; other files there stay."""
     resume: Flag = False
     """Continue a stopped run of the same command."""
-    capture: CaptureConfig = field(default_factory=CaptureConfig)
-    segment: SegmentConfig = field(default_factory=SegmentConfig)
-    reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
-    extract: ExtractConfig = field(default_factory=ExtractConfig)
-    world: WorldConfig = field(default_factory=WorldConfig)
-    complete: CompleteConfig = field(default_factory=CompleteConfig)
+    stages: Annotated[CarveConfig, tyro.conf.arg(name="")] = field(default_factory=CarveConfig)
 
     def config(self) -> CarveConfig:
         """The settings of the stages, shortcuts applied."""
-        reconstruct, segment = self.reconstruct, self.segment
+        reconstruct, segment, export = self.stages.reconstruct, self.stages.segment, self.stages.export
         if self.iterations is not None:
             reconstruct = replace(reconstruct, iterations=self.iterations)
         if self.seed is not None:
             reconstruct, segment = replace(reconstruct, seed=self.seed), replace(segment, seed=self.seed)
-        if reconstruct.iterations < 1:
-            raise ConfigError(f"--iterations is {reconstruct.iterations}: needs 1 or more.")
-        return CarveConfig(
-            capture=self.capture,
-            segment=segment,
-            reconstruct=reconstruct,
-            extract=self.extract,
-            world=self.world,
-            complete=self.complete,
-            export=ExportConfig(overwrite=self.overwrite),
-        )
+        if self.overwrite:
+            export = replace(export, overwrite=True)
+        return replace(self.stages, reconstruct=reconstruct, segment=segment, export=export)
 
 
 def main(words: Sequence[str]) -> int:
     """Run `goc carve` with the words that follow it."""
-    arguments = parse(words)
+    arguments = arguments_of(words)
     return run(arguments.source, arguments.out, arguments.config(), arguments.resume, ["carve", *words])
 
 
-def parse(words: Sequence[str]) -> Arguments:
-    """Read the command line; a preset gives the defaults that other settings then change."""
-    preset = PRESETS[_preset_of(words)]
-    arguments = partial(
-        Arguments,
-        capture=preset.capture,
-        segment=preset.segment,
-        reconstruct=preset.reconstruct,
-        extract=preset.extract,
-        world=preset.world,
-        complete=preset.complete,
-    )
-    return tyro.cli(arguments, prog="goc carve", description=_DESCRIPTION, args=list(words))
+def arguments_of(words: Sequence[str]) -> Arguments:
+    """Read the command line: the preset first, since it gives the defaults that other settings change.
+
+    Raises:
+        ConfigError: a flag is unknown, or its value is.
+    """
+    base = parse_known(Base, words, "goc carve")
+    return parse(partial(Arguments, stages=PRESETS[base.preset]), words, "goc carve", _DESCRIPTION)
 
 
 def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Sequence[str]) -> int:
@@ -116,16 +99,6 @@ def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Seq
         return STOPPED
     sys.stdout.write(_summary(scene, out, time.monotonic() - started))
     return 0
-
-
-def _preset_of(words: Sequence[str]) -> str:
-    """The value of --preset, before anything else is parsed; what is no preset is left for tyro to refuse."""
-    found = "fast"
-    for word, following in zip(words, [*words[1:], ""], strict=True):
-        value = following if word == "--preset" else word.removeprefix("--preset=")
-        if word.startswith("--preset") and value in PRESETS:
-            found = value
-    return found
 
 
 def _how_to_go_on(out: Path, command: Sequence[str]) -> str:

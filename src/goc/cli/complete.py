@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 import numpy as np
 import tyro
 
+from goc.cli.arguments import parse
 from goc.cli.progress import duration, shown_progress
 from goc.complete import ScanConfig, complete_scan
 from goc.errors import ConfigError
@@ -53,7 +54,7 @@ class Arguments:
 
 def main(words: Sequence[str]) -> int:
     """Run `goc complete` with the words that follow it."""
-    arguments = tyro.cli(Arguments, prog="goc complete", description=_DESCRIPTION, args=list(words))
+    arguments = parse(Arguments, words, "goc complete", _DESCRIPTION)
     if arguments.out.suffix.lower() not in (".ply", ".glb"):
         raise ConfigError(f"--out {arguments.out}: goc writes .ply and .glb. Choose one of them.")
     if arguments.out.exists() and not arguments.overwrite:

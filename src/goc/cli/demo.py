@@ -10,11 +10,13 @@ from typing import Annotated
 import tyro
 
 from goc.cli import carve
+from goc.cli.arguments import parse
 from goc.cli.progress import shown_progress
 from goc.export import ExportConfig
 from goc.files import is_file
 from goc.pipeline import PRESETS
 from goc.runs import check_output
+from goc.settings import Count, Settings
 from goc.synth.captures import RoomConfig, make_room_capture
 
 _DESCRIPTION = """Make a furnished room, photograph it, and carve it. Needs no data and no network.
@@ -25,12 +27,12 @@ examples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments:
+class Arguments(Settings):
     """What stands on the command line."""
 
     out: Path = Path("goc-demo")
     """Folder for the capture and the results."""
-    iterations: int = 1500
+    iterations: Count = 1500
     """Optimisation steps. The 2,000 of `goc carve` make this room no better: 26.0 dB in held-out views either way."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Replace the results of an earlier demo."""
@@ -40,7 +42,7 @@ class Arguments:
 
 def main(words: Sequence[str]) -> int:
     """Run `goc demo` with the words that follow it."""
-    arguments = tyro.cli(Arguments, prog="goc demo", description=_DESCRIPTION, args=list(words))
+    arguments = parse(Arguments, words, "goc demo", _DESCRIPTION)
     capture, results = arguments.out / "room", arguments.out / "carved"
     check_output(results, arguments.overwrite, arguments.resume)
     if not is_file(capture / "transforms.json"):

@@ -15,6 +15,7 @@ import msgspec
 import tyro
 
 from goc import __version__
+from goc.cli.arguments import parse
 
 if TYPE_CHECKING:
     from goc.runs import Machine
@@ -45,7 +46,7 @@ class Finding:
 
 def main(words: Sequence[str]) -> int:
     """Run `goc doctor`; 0 where goc works on this machine, else 4."""
-    arguments = tyro.cli(Arguments, prog="goc doctor", args=list(words))
+    arguments = parse(Arguments, words, "goc doctor")
     findings = examine(Path.cwd())
     if arguments.json:
         encoded = msgspec.json.encode([asdict(found) for found in findings])

@@ -10,10 +10,11 @@ import tyro
 from rich.console import Console
 from rich.table import Table
 
+from goc.cli.arguments import parse
 from goc.cli.progress import shown_progress
-from goc.errors import ConfigError
 from goc.evaluation import Evaluation, Matching, MeshChoice, Protocol, evaluate, write_evaluation
 from goc.evaluation.metric_format import METRICS, summary_sentence, table_columns
+from goc.settings import CountOrNone, Seed, Settings
 
 _DESCRIPTION = """Compare what a run made with the complete truth of its capture.
 
@@ -28,7 +29,7 @@ examples:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Arguments:
+class Arguments(Settings):
     """What stands on the command line."""
 
     run: Annotated[Path, tyro.conf.arg(metavar="RUN"), tyro.conf.Positional]
@@ -43,21 +44,15 @@ class Arguments:
     """observed: objects/<id>/observed.ply. completed: objects/<id>/mesh.ply. best: completed where there is one."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
     """Where eval.json and eval.html go. Default: RUN."""
-    worst: int = 4
+    worst: CountOrNone = 4
     """Objects with pictures on the page, the worst first."""
-    seed: int = 0
+    seed: Seed = 0
     """Of all samples."""
-
-    def __post_init__(self) -> None:
-        if self.worst < 0:
-            raise ConfigError(f"--worst is {self.worst}: needs 0 or more.")
-        if self.seed < 0:
-            raise ConfigError(f"--seed is {self.seed}: needs 0 or more.")
 
 
 def main(words: Sequence[str]) -> int:
     """Run `goc eval` with the words that follow it."""
-    given = tyro.cli(Arguments, prog="goc eval", description=_DESCRIPTION, args=list(words))
+    given = parse(Arguments, words, "goc eval", _DESCRIPTION)
     out = given.out or given.run
     with shown_progress() as notify:
         found = evaluate(given.run, given.truth, given.protocol, given.match, given.meshes, given.seed, notify)

@@ -10,6 +10,7 @@ from typing import Annotated
 
 import tyro
 
+from goc.cli.arguments import parse
 from goc.cli.failures import STOPPED, say
 from goc.cli.progress import shown_progress
 from goc.errors import ConfigError
@@ -17,18 +18,14 @@ from goc.training.config import TrainConfig
 from goc.training.evaluate import EvalConfig
 from goc.training.prepare import PrepareConfig
 
-_USAGE = """\
-usage: goc osc prepare|train|eval ...
-
-Object Surface Completion: the network that fills what no camera saw.
+_DESCRIPTION = """Object Surface Completion: the network that fills what no camera saw.
 
   goc osc prepare MESHES OUT       closed shapes from meshes of any kind, in files that stream
   goc osc train OUT                train on procedural shapes, and on prepared ones with --data
   goc osc eval DATA                score weights on the prepared shapes of split val
 
 `goc osc train OUT` again goes on with a training that was stopped. On several GPUs:
-  torchrun --nproc-per-node 4 -m goc.cli osc train OUT --data DATA
-"""
+  torchrun --nproc-per-node 4 -m goc.cli osc train OUT --data DATA"""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,19 +65,22 @@ class Evaluate:
     config: Annotated[EvalConfig, tyro.conf.arg(name="")] = EvalConfig()
 
 
+Command = (
+    Annotated[Prepare, tyro.conf.subcommand("prepare")]
+    | Annotated[Train, tyro.conf.subcommand("train")]
+    | Annotated[Evaluate, tyro.conf.subcommand("eval")]
+)
+
+
 def main(words: Sequence[str]) -> int:
     """Run `goc osc` with the words that follow it."""
-    match list(words):
-        case ["prepare", *rest]:
-            return _prepare(tyro.cli(Prepare, prog="goc osc prepare", args=rest))
-        case ["train", *rest]:
-            return _train(tyro.cli(Train, prog="goc osc train", args=rest), words)
-        case ["eval", *rest]:
-            return _evaluate(tyro.cli(Evaluate, prog="goc osc eval", args=rest))
-        case [] | ["-h" | "--help", *_]:
-            sys.stdout.write(_USAGE)
-            return 0
-    raise ConfigError(f"goc osc has no command {words[0]!r}: prepare, train or eval.")
+    match parse(Command, words or ["--help"], "goc osc", _DESCRIPTION):
+        case Prepare() as given:
+            return _prepare(given)
+        case Train() as given:
+            return _train(given, words)
+        case Evaluate() as given:
+            return _evaluate(given)
 
 
 def _prepare(given: Prepare) -> int:

@@ -1,18 +1,18 @@
 """Settings of stage 4."""
 
-import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from goc.errors import ConfigError
+from goc.settings import Finite, OpenShare, Range, Settings
 
 Method = Literal["none", "hull", "lite", "osc"]
 ScanMethod = Literal["smooth", "hull", "lite", "osc"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class CompleteConfig:
+class CompleteConfig(Settings):
     """How the surface that nobody saw is filled in."""
 
     method: Method = "lite"
@@ -20,53 +20,45 @@ class CompleteConfig:
     --weights. hull: whatever no ray contradicts is solid. none: objects stay open."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
-    threshold: float = 0.5
+    threshold: OpenShare = 0.5
     """Occupancy from which on a network's answer counts as solid, between 0 and 1; the paper's T_b is 0.3."""
-    coarse_cells: int = 64
+    coarse_cells: Annotated[int, Range(least=8, most=512)] = 64
     """Cells along the longest side in which a network is asked at first; finer only where its surface can be."""
 
     def __post_init__(self) -> None:
-        """Refuse values that mean nothing."""
-        if not 0.0 < self.threshold < 1.0:
-            raise ConfigError(f"--complete.threshold is {self.threshold}: it is an occupancy, above 0 and below 1.")
-        if not 8 <= self.coarse_cells <= 512:
-            raise ConfigError(f"--complete.coarse-cells is {self.coarse_cells}: needs 8 to 512.")
+        """Refuse a method without what it needs, or with what it does not use."""
+        super().__post_init__()
         if self.method == "osc" and self.weights is None:
-            raise ConfigError("--complete.method osc needs --complete.weights: goc ships no weights of that size.")
+            raise ConfigError("{method} osc needs {weights}: goc ships no weights of that size.", type(self))
         if self.weights is not None and self.method in ("none", "hull"):
-            raise ConfigError(
-                f"--complete.weights is given, but --complete.method {self.method} uses none. "
-                "Pass --complete.method lite."
-            )
+            text = f"{{weights}} is given, but {{method}} {self.method} uses none. Pass {{method}} lite."
+            raise ConfigError(text, type(self))
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScanConfig:
+class ScanConfig(Settings):
     """How one partial scan is closed, of which nothing is known but its points, and where they were seen from."""
 
     method: ScanMethod = "smooth"
     """smooth: as smoothly as the normals ask (Poisson). hull: all that the viewpoint does not see to be empty.
     lite, osc: a network says what is solid."""
-    viewpoint: tuple[float, float, float] | None = None
+    viewpoint: tuple[Finite, Finite, Finite] | None = None
     """Where the sensor stood, in the scan's frame and unit: what it saw past is empty, and normals look towards it."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
-    threshold: float = 0.5
+    threshold: OpenShare = 0.5
     """Occupancy from which on a network's answer counts as solid, between 0 and 1."""
-    cells: int = 128
+    cells: Annotated[int, Range(least=16, most=400)] = 128
     """Voxels along the scan's longest side; fewer where its points lie further apart."""
 
     def __post_init__(self) -> None:
-        """Refuse values that mean nothing."""
-        if not 0.0 < self.threshold < 1.0:
-            raise ConfigError(f"--threshold is {self.threshold}: it is an occupancy, above 0 and below 1.")
-        if not 16 <= self.cells <= 400:
-            raise ConfigError(f"--cells is {self.cells}: needs 16 to 400.")
-        if self.viewpoint is not None and not all(math.isfinite(value) for value in self.viewpoint):
-            raise ConfigError(f"--viewpoint is {self.viewpoint}: needs three finite numbers.")
+        """Refuse a method without what it needs, or with what it does not use."""
+        super().__post_init__()
         if self.method == "hull" and self.viewpoint is None:
-            raise ConfigError("--method hull needs --viewpoint: without it nothing is empty, and the hull is a box.")
+            text = "{method} hull needs {viewpoint}: without it nothing is empty, and the hull is a box."
+            raise ConfigError(text, type(self))
         if self.method == "osc" and self.weights is None:
-            raise ConfigError("--method osc needs --weights: goc ships no weights of that size.")
+            raise ConfigError("{method} osc needs {weights}: goc ships no weights of that size.", type(self))
         if self.weights is not None and self.method in ("smooth", "hull"):
-            raise ConfigError(f"--weights is given, but --method {self.method} uses none. Pass --method lite.")
+            text = f"{{weights}} is given, but {{method}} {self.method} uses none. Pass {{method}} lite."
+            raise ConfigError(text, type(self))

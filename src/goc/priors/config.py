@@ -1,41 +1,41 @@
 """Settings of what is known before there are splats."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from goc.errors import ConfigError
+from goc.settings import Count, Positive, Range, Settings
 
 
 @dataclass(frozen=True)
-class StereoConfig:
+class StereoConfig(Settings):
     """Depth from photographs alone, where a capture brings none."""
 
-    side_px: int = 224
+    side_px: Annotated[int, Range(least=32, most=8192)] = 224
     """Longer side of the depth maps; the plane sweep works at half of it."""
-    neighbours: int = 8
+    neighbours: Annotated[int, Range(least=1, most=256)] = 8
     """Views that each view is matched with; the three that match best count at each pixel."""
-    planes: int = 96
+    planes: Annotated[int, Range(least=16, most=4096)] = 96
     """Depths of the plane sweep, a multiple of 16."""
-    near_m: float = 0.15
+    near_m: Positive = 0.15
     """Nearest surface looked for, metres; the range is then narrowed to what views agree on."""
-    far_m: float = 20.0
+    far_m: Positive = 20.0
     """Farthest surface looked for, metres."""
-    refinements: int = 2
+    refinements: Annotated[int, Range(least=0, most=100)] = 2
     """Rounds in which pixels try the slanted planes of their neighbours."""
-    agreeing: int = 2
+    agreeing: Count = 2
     """Other views that must see the same surface for a pixel to be trusted."""
-    max_views: int = 240
+    max_views: Count = 240
     """Captures of more views are thinned to these."""
 
     def __post_init__(self) -> None:
-        name = "--reconstruct.seeding.stereo."
-        if self.planes < 16 or self.planes % 16:
-            raise ConfigError(f"{name}planes is {self.planes}: needs a multiple of 16.")
-        if self.side_px < 32:
-            raise ConfigError(f"{name}side-px is {self.side_px}: needs at least 32.")
-        if not 0 < self.near_m < self.far_m:
-            raise ConfigError(f"{name}near-m is {self.near_m} and {name}far-m {self.far_m}: needs 0 < near < far.")
-        if not 1 <= self.agreeing <= self.neighbours:
-            raise ConfigError(
-                f"{name}neighbours is {self.neighbours}: needs at least as many as agree "
-                f"({name}agreeing is {self.agreeing})."
-            )
+        """Refuse an empty range of depths, and more agreeing views than there are."""
+        super().__post_init__()
+        if self.planes % 16:
+            raise ConfigError(f"{{planes}} is {self.planes}: needs a multiple of 16.", type(self))
+        if self.near_m >= self.far_m:
+            text = f"{{near_m}} is {self.near_m:g}: needs less than {{far_m}} ({self.far_m:g})."
+            raise ConfigError(text, type(self))
+        if self.agreeing > self.neighbours:
+            text = f"{{neighbours}} is {self.neighbours}: needs at least as many as {{agreeing}} ({self.agreeing})."
+            raise ConfigError(text, type(self))

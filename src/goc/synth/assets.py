@@ -3,7 +3,7 @@
 import csv
 import io
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from pathlib import Path
 from typing import Literal
@@ -17,6 +17,7 @@ from goc.events import Listener, Warned
 from goc.files import MESH_SUFFIXES, is_file, is_folder, read_bytes
 from goc.files.any_mesh import MeshPiece, read_mesh_pieces
 from goc.geometry.raycast import TriangleScene
+from goc.settings import Positive, Settings
 from goc.synth.model import Model, ModelPart
 from goc.synth.scanned_materials import material_of
 from goc.synth.shapes import PartMesh
@@ -36,27 +37,37 @@ _SIDE_RAYS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeshFolder:
+class MeshFolder(Settings):
     """Which meshes of a folder (.glb, .obj, .ply, searched recursively) become things in a room."""
 
-    folder: Path
-    """Where the meshes are."""
+    meshes: Path | None = None
+    """Furnish the room with the meshes of this folder and its folders; the settings below are for them."""
     split: str | None = None
     """Only those that objects.csv, in the folder or above it, gives this split."""
     up: Literal["y", "z"] = "z"
     """The files' upward axis: y in most GLB files."""
-    scale: float = 1.0
+    scale: Positive = 1.0
     """Metres in one unit of the files."""
-    min_m: float = 0.06
+    min_m: Positive = 0.06
     """Things whose longest side is shorter are left out."""
-    max_m: float = 2.6
+    max_m: Positive = 2.6
     """Things whose longest side is longer are left out."""
 
     def __post_init__(self) -> None:
-        for name in ("scale", "min_m", "max_m"):
-            value = getattr(self, name)
-            if not 0 < value < 1e6:
-                raise ConfigError(f"--{name.replace('_', '-')} is {value:g}: needs more than 0.")
+        """Refuse settings for meshes without meshes."""
+        super().__post_init__()
+        if self.meshes is None and any(getattr(self, item.name) != item.default for item in fields(self)):
+            raise ConfigError(
+                "{split}, {up}, {scale}, {min_m}, {max_m} are for meshes. Add {meshes} FOLDER.", type(self)
+            )
+        if self.min_m >= self.max_m:
+            raise ConfigError(f"{{min_m}} is {self.min_m:g}: needs less than {{max_m}} ({self.max_m:g}).", type(self))
+
+    @property
+    def folder(self) -> Path:
+        """Where the meshes are; only where there are any."""
+        assert self.meshes is not None
+        return self.meshes
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,9 +2,9 @@
 
 import io
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from goc.errors import ConfigError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.files import write_bytes, write_depth, write_ids, write_image, write_json, write_mesh, write_normals
 from goc.scene import Camera
+from goc.settings import Range, Seed, Settings
 from goc.synth.assets import MeshFolder
 from goc.synth.cameras import camera_path
 from goc.synth.folders import check_new
@@ -31,44 +32,37 @@ _OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 
 
 @dataclass(frozen=True, kw_only=True)
-class RoomConfig:
+class RoomConfig(Settings):
     """A capture of a furnished room. The same settings (and meshes) give the same bytes."""
 
-    seed: int = 0
+    seed: Seed = 0
     """Chooses the room, its things, and the way through it."""
-    views: int = 60
-    """Number of photographs, at least 8."""
-    sparse_views: int = 0
+    views: Annotated[int, Range(least=8, most=100_000)] = 60
+    """Number of photographs."""
+    sparse_views: Annotated[int, Range(least=0, most=100_000)] = 0
     """Number of them, spread evenly, that transforms_sparse.json lists (all where there are fewer); 0: no such file."""
-    width: int = 320
+    width: Annotated[int, Range(least=16, most=8192)] = 320
     """Width of the photographs, pixels."""
-    height: int = 240
+    height: Annotated[int, Range(least=16, most=8192)] = 240
     """Height of the photographs, pixels."""
-    objects: int = 12
+    objects: Annotated[int, Range(least=2, most=40)] = 12
     """Number of things in the room: 6 to 16 built-in ones, 2 to 40 from meshes; large numbers do not fit every room."""
-    samples: int = 4
+    samples: Annotated[int, Range(least=1, most=256)] = 4
     """Light rays a pixel: more make shadows smoother and rendering slower."""
     images: Literal["png", "jpg"] = "png"
     """Format of the photographs; jpg is lossy and a fifth of the size."""
     normals: bool = False
     """Write exact normals too, in camera axes."""
-    meshes: MeshFolder | None = None
-    """Furnish the room with meshes from a folder instead of built-in furniture."""
+    furniture: MeshFolder = field(default_factory=MeshFolder)
+    """Meshes instead of built-in furniture."""
 
     def __post_init__(self) -> None:
-        limits = {
-            "seed": (0, 2**31),
-            "views": (8, 100_000),
-            "sparse_views": (0, 100_000),
-            "width": (16, 8192),
-            "height": (16, 8192),
-            "objects": (2, 40),
-            "samples": (1, 256),
-        }
-        for name, (low, high) in limits.items():
-            value = getattr(self, name)
-            if not low <= value <= high:
-                raise ConfigError(f"--{name.replace('_', '-')} is {value}: needs {low} to {high}.")
+        """Refuse numbers of things that built-in rooms cannot hold."""
+        super().__post_init__()
+        few, many = _BUILT_IN
+        if self.furniture.meshes is None and not few <= self.objects <= many:
+            text = f"{{objects}} is {self.objects}: built-in rooms have {few} to {many}. Give meshes for others."
+            raise ConfigError(text, type(self))
 
 
 def make_room_capture(folder: Path, config: RoomConfig, notify: Listener = ignore) -> Path:
@@ -93,15 +87,10 @@ def make_room_capture(folder: Path, config: RoomConfig, notify: Listener = ignor
         FileError: there are no meshes, or the disk refuses.
     """
     check_new(folder)
-    if config.meshes is None:
-        if not _BUILT_IN[0] <= config.objects <= _BUILT_IN[1]:
-            few, many = _BUILT_IN
-            raise ConfigError(
-                f"--objects is {config.objects}: built-in rooms have {few} to {many}. Give --meshes for others."
-            )
+    if config.furniture.meshes is None:
         room = furnish_room(config.seed, config.objects)
     else:
-        room = furnish_with_meshes(config.seed, config.objects, config.meshes, notify)
+        room = furnish_with_meshes(config.seed, config.objects, config.furniture, notify)
     surfaces = gather_surfaces(room.shell, room.objects)
     cameras = camera_path(room, surfaces.scene, config.views, config.width, config.height, config.seed)
     lit = bake(surfaces, room.lights)

@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 from goc.complete import SIZES, LiteConfig, OscConfig
-from goc.errors import ConfigError
+from goc.settings import Amount, Count, Positive, Range, Seed, Settings, Share
 from goc.training.losses import LossConfig
 from goc.training.masking import MaskConfig
 from goc.training.samples import LoaderConfig
@@ -14,54 +14,47 @@ Size = Literal["lite", "S", "M", "L", "L164"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class OptimiserConfig:
+class OptimiserConfig(Settings):
     """AdamW, warm-up, linear decay to nothing at the end of the budget."""
 
-    rate: float = 1e-3
+    rate: Positive = 1e-3
     """Learning rate after warm-up. The paper's 1e-4 suits its own sizes."""
-    warmup: float = 0.02
+    warmup: Share = 0.02
     """Share of the budget in which the rate rises from 0."""
-    decay: float = 0.01
+    decay: Amount = 0.01
     """Weight decay."""
-    clip: float = 1.0
+    clip: Positive = 1.0
     """Largest norm of the gradient."""
-    ema_decay: float = 0.999
+    ema_decay: Annotated[float, Range(least=0, below=1)] = 0.999
     """Share of the old weights in the running mean that is used in the end; less in the first steps."""
     bf16: bool = True
     """Multiply in bfloat16: twice as fast on CPUs that can (measured), and on GPUs."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainConfig:
+class TrainConfig(Settings):
     """What is trained, on what, for how long."""
 
     size: Size = "lite"
     """Network: lite, or a size of the paper's model."""
     data: Path | None = None
     """Folder of `goc osc prepare`; none: procedural shapes alone."""
-    minutes: float = 180.0
+    minutes: Positive = 180.0
     """Budget of training time, earlier runs of the same training counted in."""
-    steps: int | None = None
+    steps: Count | None = None
     """Budget in steps instead."""
-    workers: int = 1
+    workers: Annotated[int, Range(least=0, most=1024)] = 1
     """Processes that make batches; 0 makes them between steps."""
-    save_every: float = 60.0
+    save_every: Amount = 60.0
     """Seconds between checkpoints."""
-    validate_every: int = 500
+    validate_every: Count = 500
     """Steps between pictures and scores on fixed held-out masks."""
-    seed: int = 0
+    seed: Seed = 0
     """Of weights, shapes, masks and samples."""
     loader: LoaderConfig = field(default_factory=LoaderConfig)
     masking: MaskConfig = field(default_factory=MaskConfig)
     losses: LossConfig = field(default_factory=LossConfig)
     optimiser: OptimiserConfig = field(default_factory=OptimiserConfig)
-
-    def __post_init__(self) -> None:
-        """Refuse budgets that mean nothing."""
-        if self.steps is not None and self.steps < 1:
-            raise ConfigError(f"--steps is {self.steps}: needs 1 or more.")
-        if not self.minutes > 0:
-            raise ConfigError(f"--minutes is {self.minutes}: needs more than 0.")
 
     def network(self) -> OscConfig | LiteConfig:
         """Sizes of the network."""

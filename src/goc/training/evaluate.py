@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Bool, Float32
@@ -12,6 +13,7 @@ from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_score
 from goc.events import Listener, Progress, ignore
 from goc.geometry.topology import is_watertight
 from goc.scene import Evidence, EvidenceGrid
+from goc.settings import Amount, Count, OpenShare, Range, Seed, Settings
 from goc.training.baselines import Completion, completions, measured_object
 from goc.training.contact_sheet import ContactSheet
 from goc.training.library import open_library
@@ -32,20 +34,20 @@ _SHARP_PX = 144
 
 
 @dataclass(frozen=True, kw_only=True)
-class EvalConfig:
+class EvalConfig(Settings):
     """How completions are scored."""
 
-    masks: int = 4
+    masks: Count = 4
     """Masks of each shape: seen all round with exact depth, in 1-3 views, in 4-6, as in a scanned room; in rounds."""
-    shapes: int | None = None
+    shapes: Count | None = None
     """Only so many shapes, evenly chosen; all by default."""
-    cells: int = 96
+    cells: Annotated[int, Range(least=8, most=512)] = 96
     """Cells along each side of the cube, at whose centres IoU is counted."""
-    threshold: float = 0.5
+    threshold: OpenShare = 0.5
     """Occupancy at the surface of a network. The paper's T_b = 0.3 inflates it (docs/decisions)."""
-    noise: float = 1.0
+    noise: Amount = 1.0
     """Strength of depth noise where views are few, or a room's: as in training."""
-    seed: int = 0
+    seed: Seed = 0
     """Of the masks."""
 
 

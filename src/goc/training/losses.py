@@ -8,23 +8,25 @@ from jaxtyping import Float
 from torch import Tensor
 from torch.nn import functional
 
+from goc.settings import Amount, OpenShare, Positive, Settings
+
 T_ISO = 1.0 / 128.0
 """Half width of the band in which labels are smooth, model units."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class LossConfig:
+class LossConfig(Settings):
     """Weights of the terms, Eq. (16), and how a hard threshold gets a gradient."""
 
-    bce: float = 1.0
+    bce: Amount = 1.0
     """Weight of the binary cross-entropy."""
-    iou: float = 0.01
+    iou: Amount = 0.01
     """Weight of 1 - IoU."""
-    kl: float = 1e-4
+    kl: Amount = 1e-4
     """Weight of the KL divergence of the latent; OSC-lite has none."""
-    threshold: float = 0.3
+    threshold: OpenShare = 0.3
     """T_b: occupancy above which a point counts as inside."""
-    softness: float = 0.05
+    softness: Positive = 0.05
     """Width of the soft threshold: sigmoid((p - T_b) / softness)."""
     iou_state: Literal["soft", "straight-through"] = "soft"
     """soft: IoU of soft states. straight-through: IoU of hard states, with the gradient of the soft ones."""

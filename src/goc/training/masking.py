@@ -4,17 +4,19 @@ Depth is ray-cast, noisy as splats and sensors spoil it, and fused by the code t
 """
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int16
 
 from goc.complete import Cube, PartialObject, bounding_cube, partial_object
+from goc.errors import ConfigError
 from goc.extract import ExtractConfig
 from goc.fusion.depth_views import DepthView
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import Volume
 from goc.scene import Evidence, EvidenceGrid
+from goc.settings import Amount, CountOrNone, Range, Settings, Share
 from goc.synth.noise import fractal_noise
 from goc.training.placement import PlacedShape, random_placement
 from goc.training.surroundings import Surroundings, no_surroundings, random_surroundings
@@ -32,25 +34,32 @@ _BAND = 3.0 / 128.0
 
 
 @dataclass(frozen=True, kw_only=True)
-class MaskConfig:
+class MaskConfig(Settings):
     """How an object is seen in training. Lengths are in longest sides of the object."""
 
     strategy: Literal["visible", "random", "none"] = "visible"
     """visible: what cameras see (the paper's choice). random: half of the points. none: the whole surface. Table 6."""
-    size_px: int = 72
+    size_px: Annotated[int, Range(least=8, most=4096)] = 72
     """Side of the virtual depth images."""
-    arc: float = 0.5
+    arc: Share = 0.5
     """Share of objects seen in 1 to 6 views on an arc."""
-    room: float = 0.4
+    room: Share = 0.4
     """Share seen in 8 to 17 views as a room is scanned; what is left is seen from all round, alone."""
-    noise: float = 1.0
+    noise: Amount = 1.0
     """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
-    forget_empty: float = 0.1
+    forget_empty: Share = 0.1
     """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
-    points: int = 0
+    points: CountOrNone = 0
     """Points of the seen surface to keep; 0 where the network takes evidence alone."""
-    jitter: float = 0.04
+    jitter: Annotated[float, Range(least=0, below=1)] = 0.04
     """How far the cube is moved and stretched against the rule, in its sides."""
+
+    def __post_init__(self) -> None:
+        """Refuse shares that are more than the whole."""
+        super().__post_init__()
+        if self.arc + self.room > 1 + 1e-9:
+            text = f"{{arc}} is {self.arc:g} and {{room}} {self.room:g}: needs shares that are at most 1 together."
+            raise ConfigError(text, type(self))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

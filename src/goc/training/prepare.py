@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import torch
@@ -18,6 +18,7 @@ from goc import _native
 from goc.errors import GocError, TrainError
 from goc.events import Listener, Progress, ignore
 from goc.files import MESH_SUFFIXES, is_file, read_any_mesh, read_json, write_json, write_tensors
+from goc.settings import Positive, Range, Settings
 from goc.training.library import MANIFEST, STEPS, Manifest, PreparedShape, SkippedMesh
 from goc.training.mesh_to_shape import shape_from_mesh
 
@@ -27,14 +28,14 @@ _TABLE = "objects.csv"
 
 
 @dataclass(frozen=True, kw_only=True)
-class PrepareConfig:
+class PrepareConfig(Settings):
     """How meshes become training shapes."""
 
-    cells: int = 96
+    cells: Annotated[int, Range(least=8, most=1024)] = 96
     """Voxels along the longest side."""
-    seconds: float = 60.0
+    seconds: Positive = 60.0
     """Time a mesh may take before it is given up."""
-    workers: int = 1
+    workers: Annotated[int, Range(least=1, most=1024)] = 1
     """Meshes worked on at once, each in a process of its own."""
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import torch
@@ -9,7 +10,7 @@ from jaxtyping import Float, Float32
 from torch import Tensor
 
 from goc.complete import PartialBatch, evidence_channels
-from goc.errors import ConfigError
+from goc.settings import Count, Range, Settings, Share
 from goc.training.masking import MaskConfig, MaskedObject, mask
 from goc.training.watertight_shape import WatertightShape
 
@@ -24,28 +25,24 @@ _KNOWN_EMPTY = 0.15
 
 
 @dataclass(frozen=True, kw_only=True)
-class LoaderConfig:
+class LoaderConfig(Settings):
     """What a batch is made of."""
 
-    batch: int = 8
+    batch: Count = 8
     """Objects a step and process."""
-    masks: int = 2
+    masks: Count = 2
     """Masks of each shape: shapes are dearer to make than to look at."""
-    reuse: int = 4
-    """Batches that each mask takes part in, every time in another pose (1 to 8): a mask costs several steps."""
-    queries: int = 4096
+    reuse: Annotated[int, Range(least=1, most=8)] = 4
+    """Batches that each mask takes part in, every time in another of the eight poses that gravity leaves: a mask
+    costs several steps."""
+    queries: Count = 4096
     """Points a network is asked at, for each object, each time."""
-    near: float = 0.5
+    near: Share = 0.5
     """Share of queries near the true surface; the others are uniform where something is to be decided."""
-    prepared_share: float = 0.4
+    prepared_share: Share = 0.4
     """Share of prepared meshes, where there are any; the others are procedural."""
-    resolution: int = 96
+    resolution: Annotated[int, Range(least=8, most=1024)] = 96
     """Voxels along the longest side of a procedural shape."""
-
-    def __post_init__(self) -> None:
-        """Refuse what cannot be dealt."""
-        if not 1 <= self.reuse <= 8:
-            raise ConfigError(f"--loader.reuse is {self.reuse}: needs 1 to 8, since gravity leaves eight poses.")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,21 +1,24 @@
 """Settings of the geometric segmentation."""
 
 from dataclasses import dataclass
+from typing import Annotated
+
+from goc.settings import Amount, Count, Positive, Range, Seed, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class SegmentConfig:
+class SegmentConfig(Settings):
     """Find the things in a room from depth alone. The defaults need no change from capture to capture."""
 
-    seed: int = 0
+    seed: Seed = 0
     """Of the plane search; the same seed gives the same ids."""
-    voxel_m: float | None = None
+    voxel_m: Positive | None = None
     """Edge of the voxels in which depth is fused, metres; default: from the depth's own resolution."""
-    max_voxels: int = 1_000_000
+    max_voxels: Annotated[int, Range(least=1000)] = 1_000_000
     """Voxels grow until a capture fits in this many: what bounds memory and time."""
-    max_views: int = 240
+    max_views: Count = 240
     """Fuse at most this many views, evenly spread; all views get ids."""
-    min_object_m: float = 0.05
+    min_object_m: Amount = 0.05
     """Drop things whose longest side is shorter, metres."""
-    min_support_m2: float = 0.12
+    min_support_m2: Amount = 0.12
     """Horizontal faces from this area on, square metres, may carry other things: tables, counters, shelves."""

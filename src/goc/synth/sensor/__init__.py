@@ -4,12 +4,13 @@ from goc.synth.sensor.degrade import degrade_capture
 from goc.synth.sensor.depth import Lidar, StructuredLight, lidar_depth, structured_light_depth
 from goc.synth.sensor.images import ImageFaults, expose, motion_blur
 from goc.synth.sensor.masks import corrupt_masks
-from goc.synth.sensor.models import MODELS, SensorConfig
+from goc.synth.sensor.models import MODELS, Faults, SensorConfig
 from goc.synth.sensor.monocular import MonocularDepth, StoredDepth, monocular_depth, monocular_normals
 from goc.synth.sensor.poses import PoseFaults, perturb_pose
 
 __all__ = [
     "MODELS",
+    "Faults",
     "ImageFaults",
     "Lidar",
     "MonocularDepth",

@@ -1,6 +1,7 @@
 """What depth cameras measure: structured light (as in a Kinect), and the lidar of a phone. Depth is z, metres."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 import scipy.ndimage
@@ -8,10 +9,11 @@ import torch
 from jaxtyping import Bool, Float
 from scipy.sparse import csr_array
 
+from goc.errors import ConfigError
 from goc.geometry.normals import fitted_normals
 from goc.geometry.rays import pixel_rays
 from goc.scene import Camera
-from goc.synth.sensor.checks import check_ranges
+from goc.settings import Amount, Positive, Range, Settings, Share
 
 Depth = Float[np.ndarray, "h w"]
 """z along the optical axis, metres; NaN = none."""
@@ -19,47 +21,45 @@ Rng = np.random.Generator
 
 
 @dataclass(frozen=True, kw_only=True)
-class StructuredLight:
+class StructuredLight(Settings):
     """A projector and a camera side by side. Defaults after Khoshelham and Elberink 2012, and Nguyen et al. 2012."""
 
-    noise_m: float = 0.001
+    noise_m: Share = 0.001
     """a of the noise's standard deviation a + b z²."""
-    noise_per_m: float = 0.0019
+    noise_per_m: Share = 0.0019
     """b of it, 1/m."""
-    disparity_step: float = 0.0028
+    disparity_step: Share = 0.0028
     """Step of 1/z between two depths that can be told apart, 1/m: at z metres they lie z² times this apart."""
-    jitter_px: float = 0.5
+    jitter_px: Annotated[float, Range(least=0, most=20)] = 0.5
     """Standard deviation of where a pixel looks, along each axis: frays edges, and leaves planes as they are."""
-    grazing_deg: float = 78.0
+    grazing_deg: Annotated[float, Range(least=0, most=90)] = 78.0
     """Surfaces whose normal is turned further than this from the ray return nothing; 90 = all are measured."""
-    edge_holes: float = 0.5
+    edge_holes: Share = 0.5
     """Share of the pixels beside a jump in depth that are lost."""
-    min_m: float = 0.4
+    min_m: Amount = 0.4
     """Nothing nearer is measured."""
-    max_m: float = 5.0
+    max_m: Positive = 5.0
     """Nothing further is measured."""
 
     def __post_init__(self) -> None:
-        limits = {"noise_m": (0, 1), "noise_per_m": (0, 1), "disparity_step": (0, 1), "jitter_px": (0, 20)}
-        limits |= {"grazing_deg": (0, 90), "edge_holes": (0, 1), "min_m": (0, 1e6), "max_m": (self.min_m, 1e6)}
-        check_ranges(self, "kinect", limits)
+        """Refuse an empty range of depths."""
+        super().__post_init__()
+        if self.min_m >= self.max_m:
+            raise ConfigError(f"{{min_m}} is {self.min_m:g}: needs less than {{max_m}} ({self.max_m:g}).", type(self))
 
 
 @dataclass(frozen=True, kw_only=True)
-class Lidar:
+class Lidar(Settings):
     """Few dots of light, spread over the image: coarse and smooth, with edges like ramps."""
 
-    columns: int = 64
+    columns: Annotated[int, Range(least=2, most=8192)] = 64
     """Depths measured across the image; the rows follow from its shape."""
-    noise_m: float = 0.002
+    noise_m: Share = 0.002
     """a of the standard deviation a + b z² of each measured depth."""
-    noise_per_m: float = 0.0008
+    noise_per_m: Share = 0.0008
     """b of it, 1/m."""
-    max_m: float = 5.0
+    max_m: Positive = 5.0
     """Nothing further is measured."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, "phone", {"columns": (2, 8192), "noise_m": (0, 1), "noise_per_m": (0, 1), "max_m": (0, 1e6)})
 
 
 _JUMP = 0.04

@@ -1,27 +1,25 @@
 """What goes wrong with photographs: the hand moves, the exposure changes."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float, UInt8
 
 from goc.files.colour import decode_srgb, encode_srgb
-from goc.synth.sensor.checks import check_ranges
+from goc.settings import Range, Settings
 
 Image = UInt8[np.ndarray, "h w 3"]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ImageFaults:
+class ImageFaults(Settings):
     """Faults of photographs; 0 switches one off."""
 
-    blur_px: float = 0.0
+    blur_px: Annotated[float, Range(least=0, most=200)] = 0.0
     """Root mean square length of the motion blur; each image has its own length and direction."""
-    exposure_ev: float = 0.0
+    exposure_ev: Annotated[float, Range(least=0, most=5)] = 0.0
     """Standard deviation of the exposure, in stops: one stop doubles the light."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, "image", {"blur_px": (0, 200), "exposure_ev": (0, 5)})
 
 
 def degrade_image(image: Image, config: ImageFaults, rng: np.random.Generator) -> Image:

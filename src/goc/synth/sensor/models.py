@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 
-from goc.synth.sensor.checks import check_ranges
+from goc.settings import Seed, Settings, Share
 from goc.synth.sensor.depth import Lidar, StructuredLight
 from goc.synth.sensor.images import ImageFaults
 from goc.synth.sensor.monocular import MonocularDepth
@@ -20,17 +20,20 @@ MODELS: dict[str, DepthModel | None] = {
 
 
 @dataclass(frozen=True, kw_only=True)
-class SensorConfig:
-    """All faults. The same settings and capture give the same bytes; no fault changes the others' random numbers."""
+class Faults(Settings):
+    """Everything that can go wrong beside depth."""
 
-    seed: int = 0
+    seed: Seed = 0
     """Of all randomness."""
-    depth: DepthModel | None = None
-    """What measures the depth; None leaves it exact."""
     image: ImageFaults = field(default_factory=ImageFaults)
     pose: PoseFaults = field(default_factory=PoseFaults)
-    masks: float = 0.0
-    """Share of each view's masks that are swapped, dropped, dilated or eroded, 0 to 1."""
+    masks: Share = 0.0
+    """Share of each view's masks that are swapped, dropped, dilated or eroded."""
 
-    def __post_init__(self) -> None:
-        check_ranges(self, "", {"seed": (0, 2**31), "masks": (0, 1)})
+
+@dataclass(frozen=True, kw_only=True)
+class SensorConfig(Faults):
+    """All faults. The same settings and capture give the same bytes; no fault changes the others' random numbers."""
+
+    depth: DepthModel | None = None
+    """What measures the depth; None leaves it exact."""

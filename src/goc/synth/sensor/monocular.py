@@ -1,7 +1,7 @@
 """What a network guesses of one image: depth up to an unknown scale and offset, and normals a few degrees off."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 import numpy as np
 import scipy.ndimage
@@ -10,7 +10,7 @@ from jaxtyping import Float, UInt16
 
 from goc.geometry.normals import fitted_normals
 from goc.scene import Camera
-from goc.synth.sensor.checks import check_ranges
+from goc.settings import Range, Settings
 
 Depth = Float[np.ndarray, "h w"]
 Normals = Float[np.ndarray, "h w 3"]
@@ -23,30 +23,26 @@ _WAVES = 5
 
 
 @dataclass(frozen=True, kw_only=True)
-class MonocularDepth:
+class MonocularDepth(Settings):
     """Errors as networks make them. All but the unknown scale and offset can be switched off with 0."""
 
     kind: Literal["affine", "inverse"] = "affine"
     """What the stored value D is in proportion to, up to an offset: z = k D + b, or 1/z = k D + b."""
-    margin: float = 0.3
+    margin: Annotated[float, Range(least=0, most=10)] = 0.3
     """The values of an image use between 1 / (1 + twice this) of the 16 bits and all of them, so that neither their
     lowest nor their highest value tells a depth."""
-    waves: float = 0.03
+    waves: Annotated[float, Range(least=0, most=0.3)] = 0.03
     """Root mean square of an error that changes slowly across the image, as a share of the depth."""
-    blur_px: float = 1.5
+    blur_px: Annotated[float, Range(least=0, most=100)] = 1.5
     """Standard deviation of a Gaussian blur of the depth: edges become ramps."""
-    noise: float = 0.003
+    noise: Annotated[float, Range(least=0, most=0.3)] = 0.003
     """Standard deviation of independent noise, as a share of the depth."""
     normals: bool = False
     """Write guessed normals too."""
-    normal_error_deg: float = 6.0
+    normal_error_deg: Annotated[float, Range(least=0, most=90)] = 6.0
     """Root mean square of a slowly changing rotation of the normals."""
-    normal_blur_px: float = 2.0
+    normal_blur_px: Annotated[float, Range(least=0, most=100)] = 2.0
     """Standard deviation of a Gaussian blur of the normals."""
-
-    def __post_init__(self) -> None:
-        limits = {"margin": (0, 10), "waves": (0, 0.3), "blur_px": (0, 100), "noise": (0, 0.3)}
-        check_ranges(self, "monocular", limits | {"normal_error_deg": (0, 90), "normal_blur_px": (0, 100)})
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,25 +1,23 @@
 """Poses as they are estimated: a little turned and shifted, each view on its own."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
-from goc.synth.sensor.checks import check_ranges
+from goc.settings import Range, Settings
 
 
 @dataclass(frozen=True, kw_only=True)
-class PoseFaults:
+class PoseFaults(Settings):
     """Errors of camera poses; 0 switches one off."""
 
-    rotation_deg: float = 0.0
+    rotation_deg: Annotated[float, Range(least=0, most=90)] = 0.0
     """Root mean square of the angle by which a camera is turned, about a random axis."""
-    translation_m: float = 0.0
+    translation_m: Annotated[float, Range(least=0, most=100)] = 0.0
     """Root mean square of the distance by which a camera is shifted."""
-
-    def __post_init__(self) -> None:
-        check_ranges(self, "pose", {"rotation_deg": (0, 90), "translation_m": (0, 100)})
 
 
 def perturb_pose(

@@ -1,0 +1,101 @@
+"""What all settings have in common: each states its range in its type, and checks it when it is made."""
+
+from dataclasses import dataclass, fields
+from functools import cache
+from typing import Annotated, get_args, get_origin, get_type_hints
+
+from goc.errors import ConfigError
+
+_LARGEST = 2**31 - 1
+"""No number of any setting is larger: float32 and the kernels' integers hold all up to here."""
+
+Number = int | float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Range:
+    """Numbers that a setting may have; NaN and infinity are in no range."""
+
+    least: Number | None = None
+    above: Number | None = None
+    most: Number | None = None
+    below: Number | None = None
+
+    def __contains__(self, value: Number) -> bool:
+        """Whether a setting may have this value."""
+        return (
+            abs(value) <= _LARGEST
+            and (self.least is None or value >= self.least)
+            and (self.above is None or value > self.above)
+            and (self.most is None or value <= self.most)
+            and (self.below is None or value < self.below)
+        )
+
+    def __str__(self) -> str:
+        """The range in words, such as `0 to 1` or `more than 0`."""
+        if self.least is not None and self.most is not None:
+            return f"{self.least} to {self.most}"
+        low = f"{self.least} or more" if self.least is not None else f"more than {self.above}"
+        if self.least is None and self.above is None:
+            low = "a finite number"
+        if self.most is not None:
+            return f"{low}, at most {self.most}"
+        return low if self.below is None else f"{low}, below {self.below}"
+
+    def demand(self, value: Number) -> str:
+        """What a value outside is told."""
+        is_huge = abs(value) > _LARGEST and self.most is None and self.below is None
+        return f"{self}, at most {_LARGEST}" if is_huge else str(self)
+
+
+Seed = Annotated[int, Range(least=0)]
+"""Of random numbers."""
+Count = Annotated[int, Range(least=1)]
+"""How many: one or more."""
+CountOrNone = Annotated[int, Range(least=0)]
+"""How many; 0 stands for none or never."""
+Share = Annotated[float, Range(least=0, most=1)]
+"""Part of a whole."""
+OpenShare = Annotated[float, Range(above=0, below=1)]
+"""Part of a whole, neither none nor all of it: thresholds and opacities, which have a finite logit."""
+Amount = Annotated[float, Range(least=0)]
+"""A weight, rate or length; 0 switches something off."""
+Positive = Annotated[float, Range(above=0)]
+"""A length, factor or duration that must not vanish."""
+Finite = Annotated[float, Range()]
+"""Any number."""
+
+
+class Settings:
+    """Base of all dataclasses of settings: refuses fields outside the range that their type states.
+
+    Rules between fields belong into `__post_init__` of the subclass, after `super().__post_init__()`.
+
+    Raises:
+        ConfigError: names the field, its value and its range.
+    """
+
+    def __post_init__(self) -> None:
+        """Check the range of every field."""
+        for name, bounds in ranges(type(self)).items():
+            value = getattr(self, name)
+            values = value if isinstance(value, tuple) else () if value is None else (value,)
+            for one in values:
+                if one not in bounds:
+                    shown = " ".join(f"{each:.12g}" if isinstance(each, float) else str(each) for each in values)
+                    raise ConfigError(f"{{{name}}} is {shown}: needs {bounds.demand(one)}.", type(self))
+
+
+@cache
+def ranges(settings: type) -> dict[str, Range]:
+    """The range of each field of a dataclass whose type states one, also inside of `X | None` and of tuples."""
+    hints = get_type_hints(settings, include_extras=True)
+    found = {item.name: _range_of(hints[item.name]) for item in fields(settings)}
+    return {name: bounds for name, bounds in found.items() if bounds is not None}
+
+
+def _range_of(hint: object) -> Range | None:
+    if get_origin(hint) is Annotated:
+        stated = next((one for one in hint.__metadata__ if isinstance(one, Range)), None)
+        return stated or _range_of(get_args(hint)[0])
+    return next((found for part in get_args(hint) if (found := _range_of(part)) is not None), None)
