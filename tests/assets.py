@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import torch
 
+from cameras import pinhole
 from captures import OBJECTS, ROOM_BOX
-from goc.scene import Camera, EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
+from goc.scene import EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Reconstruction, Scene, SceneObject, World
 
 # Corners are numbered by the bits of (x, y, z); seen from outside each side turns counter-clockwise.
 _SIDES = [(0, 4, 6, 2), (1, 3, 7, 5), (0, 1, 5, 4), (2, 6, 7, 3), (0, 2, 3, 1), (4, 5, 7, 6)]
@@ -35,8 +36,8 @@ def box_object(number: int, name: str, box, splats=None) -> SceneObject:
     return SceneObject(id=number, name=name, observed=surface, evidence=grid, splats=splats)
 
 
-def box_scene(ids=(1, 2), units_per_metre=1.0) -> Scene:
-    """The room of tests/captures.py with its two boxes, numbered as asked, ten splats on each and ten on the floor."""
+def box_splats(ids=(1, 2)) -> Reconstruction:
+    """Ten splats in each of the two boxes of tests/captures.py, numbered as asked, and ten in their room."""
     boxes = list(OBJECTS.values())
     generator = torch.Generator().manual_seed(0)
     means, numbers = [], []
@@ -52,22 +53,28 @@ def box_scene(ids=(1, 2), units_per_metre=1.0) -> Scene:
         opacity_logits=torch.full((len(positions),), 4.0),
         sh=torch.rand(len(positions), 4, 3, generator=generator),
     )
-    labels = torch.tensor(numbers, dtype=torch.int16)
-    camera = Camera(
-        focal_px=torch.tensor([50.1, 50.2]),
-        centre_px=torch.tensor([32.3, 24.4]),
-        width=64,
-        height=48,
-        world_from_cam=torch.eye(4),
+    return Reconstruction(
+        gaussians=splats,
+        labels=torch.tensor(numbers, dtype=torch.int16),
+        metrics={"held_out_psnr_db": 21.5, "train_psnr_db": float("nan")},
     )
+
+
+def box_scene(ids=(1, 2), units_per_metre=1.0) -> Scene:
+    """The room of tests/captures.py with its two boxes and their splats, numbered as asked."""
+    made = box_splats(ids)
+    splats, labels = made.gaussians, made.labels
+    camera = pinhole((50.1, 50.2), (64, 48), (32.3, 24.4))
     return Scene(
         splats=splats,
         labels=labels,
         mesh=inside_out(box_mesh(ROOM_BOX, (210, 205, 190))),
-        objects=tuple(box_object(n, f"box {n}", box, splats[labels == n]) for n, box in zip(ids, boxes, strict=True)),
+        objects=tuple(
+            box_object(n, f"box {n}", box, splats[labels == n]) for n, box in zip(ids, OBJECTS.values(), strict=True)
+        ),
         cameras={"images/1.png": camera},
         world=World(
             up=np.array([0.0, 0.0, 1.0]), floor=0.0, confidence=0.9, units_per_metre=units_per_metre, metric=True
         ),
-        metrics={"held_out_psnr_db": 21.5, "train_psnr_db": float("nan")},
+        metrics=made.metrics,
     )

@@ -11,7 +11,7 @@ from goc.errors import ConfigError
 from goc.events import Warned, ignore
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, fuse_scene
 from goc.extract.world import find_world
-from goc.scene import Gaussians, Reconstruction
+from goc.scene import Gaussians, Reconstruction, StoredFrames
 
 BOXES = {1: table(0.0, 0.7), 4: cube(0.15, 0.6, 0.72, 0.3)}
 CONFIG = ExtractConfig(scene_voxel=0.04, object_voxel=0.04, object_cells=8, evidence_cells=16)
@@ -58,7 +58,7 @@ def test_a_world_that_only_cameras_tell_of_is_warned_about():
     wall = [replace(frame, depth=torch.where(frame.depth > 2.0, frame.depth, torch.nan)) for frame in room]
     floorless = [replace(frame, depth=_above(frame, 0.1)) for frame in wall]
     heard = []
-    world = world_of(replace(room, load=floorless.__getitem__), heard.append)
+    world = world_of(replace(room, frames=StoredFrames(tuple(floorless))), heard.append)
     assert [event.message for event in heard if isinstance(event, Warned)] == [
         "No level surface tells which way is up: guessed from the cameras. Pass --world.up if it is wrong."
     ]
@@ -76,7 +76,7 @@ def _above(frame, height):
 
 
 def test_the_stage_hands_on_a_scene():
-    room = replace(box_room(BOXES, size=(96, 72)), labels={0: "room", 4: "cube"})
+    room = replace(box_room(BOXES, size=(96, 72)), id_names={0: "room", 4: "cube"})
     count = 6
     splats = Gaussians(
         means=torch.arange(3.0 * count).reshape(count, 3),
@@ -91,7 +91,7 @@ def test_the_stage_hands_on_a_scene():
     assert [(item.id, item.name, len(item.splats)) for item in scene.objects] == [(1, "object 1", 1), (4, "cube", 2)]
     assert torch.equal(scene.objects[1].splats.means, splats.means[[1, 3]])
     assert all(item.solid is None and item.evidence is not None for item in scene.objects)
-    assert list(scene.cameras) == list(room.names)
+    assert list(scene.cameras) == list(room.view_names)
     assert scene.metrics == {"psnr_db": 20.0} and scene.world.confidence > 0.8
 
 

@@ -11,7 +11,7 @@ import pytest
 import torch
 
 import captures
-from assets import box_assets
+from assets import box_splats
 from goc.capture import CaptureConfig, load_capture
 from goc.extract import rendered_views
 from goc.priors.segmentation import SegmentConfig, segment
@@ -44,12 +44,12 @@ def segmented(folder):
 
 
 def rendered(folder):
-    return rendered_views(box_assets().reconstruction, plain(folder))
+    return rendered_views(box_splats(), plain(folder))
 
 
 def rendered_over_segmented(folder):
     """What a carve of depth without ids looks at: three layers, each with its cache."""
-    return rendered_views(box_assets().reconstruction, segmented(folder))
+    return rendered_views(box_splats(), segmented(folder))
 
 
 def aligned(folder):
@@ -62,7 +62,7 @@ def aligned(folder):
 
 def classified(folder):
     generator = torch.Generator().manual_seed(0)
-    splats = box_assets().reconstruction.gaussians
+    splats = box_splats().gaussians
     splats = replace(splats, identity=torch.randn(len(splats), 4, generator=generator))
     return classified_views(splats, new_classifier(3, 4, generator), [0, 1, 2], plain(folder))
 
@@ -130,7 +130,7 @@ def test_cameras_and_splats_arrive_as_they_were():
         height=48,
         world_from_cam=torch.eye(4, dtype=torch.float64),
     )
-    splats = replace(box_assets().reconstruction.gaussians, identity=None)
+    splats = replace(box_splats().gaussians, identity=None)
     arrived, landed = pickle.loads(pickle.dumps((camera, splats)))
     assert (arrived.width, arrived.height) == (64, 48)
     assert torch.equal(arrived.focal_px, camera.focal_px) and arrived.world_from_cam.dtype == torch.float64

@@ -44,7 +44,7 @@ def extract_scene(
         labels=splats.labels,
         mesh=mesh,
         objects=tuple(replace(item, splats=splats.gaussians[splats.labels == item.id]) for item in objects),
-        cameras=dict(zip(views.names, views.cameras, strict=True)),
+        cameras=dict(zip(views.view_names, views.cameras, strict=True)),
         world=find_world(mesh, views, world, notify),
         metrics=dict(splats.metrics),
     )

@@ -1,7 +1,6 @@
 """Stage 2: Capture → Reconstruction."""
 
 import math
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -99,7 +98,6 @@ def _reconstruct(
     resume: bool,
     known_depths: Callable[[], KnownDepths] | None,
 ) -> Reconstruction:
-    started = time.perf_counter()
     capture, config, train = task.capture, task.config, task.views
     _, held_out = split_views(len(capture), config.holdout_every)
 
@@ -113,8 +111,7 @@ def _reconstruct(
 
     state = optimise(task, begin, notify, checkpoint, resume)
     gaussians = state.gaussians().detached()
-    seconds = time.perf_counter() - started
-    metrics = {"iterations": float(config.iterations), "splats": float(len(gaussians)), "seconds": seconds}
+    metrics = {"iterations": float(config.iterations), "splats": float(len(gaussians))}
     metrics |= _measure(gaussians, capture, held_out, "held_out", notify)
     if not held_out:
         metrics |= _measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)

@@ -16,4 +16,4 @@ class Reconstruction:
     labels: Int16[Tensor, "n"]
     """Object id of each splat: 0 = room, 1… = objects, UNLABELLED (-1) = never seen."""
     metrics: dict[str, float] = field(default_factory=dict[str, float])
-    """How it was obtained and how well: held-out PSNR in dB, steps, seconds."""
+    """How it was obtained and how well: held-out PSNR in dB, steps."""

@@ -28,4 +28,4 @@ class Scene:
     """Of every view, by its name."""
     world: World
     metrics: dict[str, float] = field(default_factory=dict[str, float])
-    """How the splats were obtained and how well: held-out PSNR in dB, steps, seconds."""
+    """How the splats were obtained and how well: held-out PSNR in dB, steps."""
