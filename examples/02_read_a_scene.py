@@ -1,38 +1,37 @@
-"""Read a carved room back: objects, their meshes and splats, and the way into the frame of simulators.
+"""Read what a run wrote: splats with their ids, cameras, the world, and every object with its surfaces.
 
     python examples/02_read_a_scene.py [FOLDER]
 
-FOLDER (default: out/example) is what 01_carve.py wrote. Seconds.
+FOLDER (default: out/example) is what 01_carve.py has filled. Seconds.
 """
 
 import sys
 from pathlib import Path
 
+import numpy as np
+
 from goc.files import read_scene
-from goc.report import read_report
 
 
 def main(folder: Path) -> None:
-    """Print what stands where in the room, in metres above its floor."""
+    """Tell what is in the scene."""
     scene = read_scene(folder / "carved")
     world = scene.world
-    print(f"up is {world.up.round(3).tolist()}, the floor at {world.floor:.2f}, {world.confidence:.0%} sure")
-    print(f"{len(scene.splats):,} splats, {len(scene.mesh.faces):,} faces, {len(scene.cameras)} cameras")
+    print(f"{len(scene.splats):,} splats, {len(scene.cameras)} cameras, {len(scene.mesh.faces):,} faces")
+    print(
+        f"up is {np.round(world.up, 2)}; a metre is {world.units_per_metre:g} units, {world.confidence:.0%} sure of up"
+    )
 
-    # Everything in a scene is in the capture's world; this matrix leads to z up, metres, floor at 0.
-    level = world.level_from_world
     for item in scene.objects:
-        surface = item.surface  # closed where it could be closed, else as it was seen
-        if surface is None or item.splats is None:
-            continue
-        placed = surface.mesh.vertices @ level[:3, :3].T + level[:3, 3]
-        low, high = placed.min(axis=0), placed.max(axis=0)
-        size = " x ".join(f"{side:.2f}" for side in high - low)
-        seen = f"{surface.observed.mean():.0%} of its vertices measured, {len(item.splats):,} splats"
-        print(f"{item.id} {item.name}: {size} m, stands at {low[2]:.2f} m, {seen}")
+        own = int((scene.labels == item.id).sum())
+        closed = "open" if item.solid is None else f"closed, {item.solid.observed.mean():.0%} of its vertices measured"
+        print(f"object {item.id}, {item.name}: {own} splats, {closed}")
 
-    report = read_report(folder / "carved" / "report.json")  # figures and settings of the run
-    print(f"{report.config['reconstruct']['iterations']} steps, {report.metrics['held_out_psnr_db']:.1f} dB")
+    # Meshes are in the capture's world; level_from_world makes it z up, metres, floor at 0.
+    first = next(item for item in scene.objects if item.solid is not None)
+    turn, shift = world.level_from_world[:3, :3], world.level_from_world[:3, 3]
+    level = first.solid.mesh.vertices @ turn.T + shift
+    print(f"object {first.id} reaches from {level[:, 2].min():.2f} m to {level[:, 2].max():.2f} m above the floor")
 
 
 if __name__ == "__main__":
