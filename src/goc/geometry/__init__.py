@@ -1,1 +1,1 @@
-"""Pure maths on arrays: rays, rotations, planes, neighbours, ray casting, topology of meshes. Knows no files, no stages."""
+"""Pure maths on arrays: rays, rotations, planes, neighbours, ray casting, topology of meshes."""
