@@ -163,15 +163,13 @@ def test_misuse_is_refused(capture, tmp_path, capsys):
         degrade_capture(capture, tmp_path, SensorConfig(masks=0.1))
     assert main(["synth", "sensor", str(capture), str(tmp_path / "out"), "--kinect.noise-m", "0.1"]) == 2
     assert "--kinect.* means nothing with --model exact" in capsys.readouterr().err
-    assert main(["synth", "telescope"]) == 2 and "no command `goc synth telescope`" in capsys.readouterr().err
-    with pytest.raises(SystemExit):
-        main(["synth", "sensor", str(capture), str(tmp_path / "out"), "--model", "radar"])
-    assert "radar" in capsys.readouterr().err
+    assert main(["synth", "telescope"]) == 2 and "no command 'telescope'" in capsys.readouterr().err
+    assert main(["synth", "sensor", str(capture), str(tmp_path / "out"), "--model", "radar"]) == 2
+    assert "--model is 'radar': needs exact, kinect, monocular or phone" in capsys.readouterr().err
 
 
 def test_the_command_writes_the_copy(capture, tmp_path, capsys):
     assert main(["synth", "sensor", str(capture), str(tmp_path / "out"), "--model", "phone", "--seed", "2"]) == 0
     assert "goc carve" in capsys.readouterr().out
-    assert main(["synth", "--help"]) == 0 and "sensor CAPTURE OUT" in capsys.readouterr().out
     depth = read_depth(tmp_path / "out/depth/0000.png")
     assert np.isfinite(depth).any()

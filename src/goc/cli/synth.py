@@ -17,30 +17,28 @@ from goc.synth.sensor import MODELS, Faults, Lidar, MonocularDepth, SensorConfig
 _DESCRIPTION = """Make captures with complete ground truth. `goc synth COMMAND --help` tells all settings."""
 _ROOM = """Photograph a furnished room, with complete ground truth, as nerfstudio folder.
 
-OUT gets images, exact depth and ids, transforms.json (all views), transforms_sparse.json (some), and gt/ for
-`goc eval`. The room is furnished with built-in furniture, or with the .glb, .obj and .ply meshes of a folder: large
-ones on the floor, small ones on them. The same seed gives the same bytes.
+OUT gets images, exact depth and ids, transforms.json (all views), transforms_sparse.json (some), and gt/, which
+goc eval reads. The room is furnished with built-in furniture, or with the .glb, .obj and .ply meshes of a folder:
+large ones on the floor, small ones on them. The same seed gives the same bytes.
 
 examples:
   goc synth room rooms/0
   goc synth room rooms/1 --seed 1 --objects 14 --normals
   goc synth room rooms/2 --seed 2 --meshes objects --split val
-  goc synth room rooms/3 --meshes downloads --up y --scale 0.01      GLB files, y up, in centimetres
-  goc synth room tiny --views 12 --width 96 --height 96              for a quick look"""
+  goc synth room rooms/3 --meshes glb_in_cm --up y --scale 0.01
+  goc synth room quick --views 12 --width 96 --height 96"""
 _SENSOR = """Copy a capture (nerfstudio folder, metric depth) as an imperfect sensor would have made it.
 
 What no fault touches is shared with CAPTURE. The same seed gives the same bytes. What OUT hides (exact poses; scale
 and offset of each monocular depth image) is in OUT/gt/sensor.json.
 
 examples:
-  goc synth sensor room noisy --model kinect
-  goc synth sensor room guessed --model monocular --monocular.normals
-  goc synth sensor room masks --masks 0.1
-  goc synth sensor room all --model phone --image.blur-px 3 --image.exposure-ev 0.3 --pose.rotation-deg 0.3 \\
-      --pose.translation-m 0.005 --masks 0.1
-  goc synth sensor room only-noise --model kinect --kinect.disparity-step 0 --kinect.jitter-px 0 \\
-      --kinect.grazing-deg 90 --kinect.edge-holes 0"""
-
+  goc synth sensor in out --model kinect
+  goc synth sensor in out --masks 0.1
+  goc synth sensor in out --model monocular --monocular.normals
+  goc synth sensor in out --model phone --image.blur-px 3
+  goc synth sensor in out --pose.rotation-deg 0.3 --masks 0.1
+  goc synth sensor in out --model kinect --kinect.jitter-px 0"""
 
 _BENCHMARK_ROOM = RoomConfig(views=170, sparse_views=50, width=384, height=384, objects=10, images="jpg")
 
