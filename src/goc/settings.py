@@ -44,7 +44,7 @@ class Range:
 
     def demand(self, value: Number) -> str:
         """What a value outside is told."""
-        is_huge = abs(value) > _LARGEST and self.most is None and self.below is None
+        is_huge = value > _LARGEST and self.most is None and self.below is None
         return f"{self}, at most {_LARGEST}" if is_huge else str(self)
 
 

@@ -85,7 +85,7 @@ def test_wrong_input_is_one_line_and_leaves_nothing(capsys, tmp_path):
     assert "--capture.units-per-metre is -1" in fails(
         capsys, ["carve", ".", "--out", str(out), "--capture.units-per-metre", "-1.0"], 2
     )
-    assert "--world.up is 0 0 0: needs three finite numbers" in fails(
+    assert "--world.up is 0 0 0: needs a direction" in fails(
         capsys, ["carve", ".", "--out", str(out), "--world.up", "0", "0", "0"], 2
     )
     assert not out.exists()
