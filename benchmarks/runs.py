@@ -18,7 +18,7 @@ from pathlib import Path
 import torch
 
 from engine import median_ms
-from goc.cli.carve import parse
+from goc.cli.carve import arguments_of
 from goc.events import Event, Progress
 from goc.pipeline import carve
 from goc.runs import peak_memory_mb
@@ -82,16 +82,16 @@ def _measured(capture: Path, words: Sequence[str]) -> Measured:
                 steps.append(now)
 
     with tempfile.TemporaryDirectory() as folder:
-        config = parse([str(capture), "--out", folder, *words]).config()
-        assets = carve(capture, Path(folder) / "out", config, listen)
+        config = arguments_of([str(capture), "--out", folder, *words]).config()
+        scene = carve(capture, Path(folder) / "out", config, listen)
         seconds["write"] = time.perf_counter() - last
     gaps = [1e3 * (b - a) for a, b in zip(steps[5:], steps[6:], strict=False)]
     return Measured(
         seconds=seconds,
         step_ms=statistics.mean(gaps),
         peak_mb=peak_memory_mb(),
-        splats=len(assets.reconstruction.gaussians),
-        objects=len(assets.objects),
+        splats=len(scene.splats),
+        objects=len(scene.objects),
     )
 
 
