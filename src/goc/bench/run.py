@@ -1,4 +1,4 @@
-"""One run: carve or fuse, judge, keep the result."""
+"""One benchmark run: carve or fuse a capture, evaluate it, and write the result."""
 
 import shlex
 import shutil

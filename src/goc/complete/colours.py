@@ -1,4 +1,4 @@
-"""Colours for surface that nobody photographed."""
+"""Vertex colours of a completed mesh: measured where it was seen, spread smoothly from there elsewhere."""
 
 import numpy as np
 from jaxtyping import Bool, Float32, Float64, Int32, UInt8
@@ -57,7 +57,7 @@ def _weighed(
 
 
 def _neighbours(faces: Int32[np.ndarray, "t 3"], vertices: int) -> tuple[csr_array, np.ndarray]:
-    """Who is joined to whom by an edge, and by how many."""
+    """Adjacency matrix of the vertices, and the number of neighbours of each."""
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
     links = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(vertices, vertices)).tocsr()
     links = links + links.T

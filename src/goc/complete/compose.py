@@ -19,10 +19,11 @@ _SEAM_ROUNDS = 12
 _LEAST_SHARE = 0.02
 """Share of the measured surface that a piece must carry to be a part of the object."""
 _NARROWEST = 0.03
-"""Gaps narrower than this share of the grid's longest side lead nowhere: networks are not that sharp where nothing
-was seen (docs/decisions/0031)."""
+"""Gaps narrower than this share of the grid's longest side count as closed: networks are not that sharp where
+nothing was seen (docs/decisions/0031)."""
 _OUTSIDE_LINKS = ndimage.generate_binary_structure(3, 2)
-"""Marching cubes here parts inside corners that touch across an edge only, and so joins outside corners that do."""
+"""Connectivity of outside voxels, over faces and edges: marching cubes here separates inside corners that touch
+across an edge only, and so connects outside corners that do."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +38,7 @@ class Measured:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Composition:
-    """The signed field that a completed object is the zero level of."""
+    """The signed distance field whose zero level is the completed object."""
 
     distance: Float32[np.ndarray, "x y z"]
     """Voxels, positive outside; its outermost layers are outside."""
@@ -107,7 +108,7 @@ def closed_surface(composed: Composition, seen: Mesh) -> FlaggedMesh:
 def without_floaters(
     distance: Float32[np.ndarray, "x y z"], seen: Int32[np.ndarray, "v 3"]
 ) -> Float32[np.ndarray, "x y z"]:
-    """Only the pieces that carry some measured surface; the one that carries most (or is largest) always stays.
+    """Drop pieces that carry next to no measured surface; the one that carries most (or is largest) always stays.
 
     Args:
         distance: voxels, positive outside.
@@ -131,10 +132,10 @@ def without_floaters(
 def without_pockets(
     distance: Float32[np.ndarray, "x y z"], state: UInt8[np.ndarray, "x y z"]
 ) -> Float32[np.ndarray, "x y z"]:
-    """Fill guessed space that only narrow gaps join to space that rays passed; what was seen empty stays so.
+    """Make guessed free space solid that only narrow gaps connect to space that rays passed; seen-empty stays empty.
 
-    A network that is unsure behind a wall leaves pockets there, which crevices of a few voxels save from
-    `without_cavities`.
+    A network that is unsure behind a wall leaves pockets there, and crevices of a few voxels connect these to the
+    outside, so that `without_cavities` does not fill them.
 
     Args:
         distance: voxels, positive outside.
@@ -152,7 +153,7 @@ def without_pockets(
 
 
 def without_cavities(distance: Float32[np.ndarray, "x y z"]) -> Float32[np.ndarray, "x y z"]:
-    """Fill what is outside but not joined to the outside: no camera and no hand gets there."""
+    """Make enclosed cavities solid: outside voxels that are not connected to the border of the grid."""
     rooms, _ = ndimage.label(distance > 0, _OUTSIDE_LINKS)
     hollow = (rooms > 0) & (rooms != rooms[0, 0, 0])
     return np.where(hollow, -distance, distance)
@@ -180,7 +181,7 @@ def _voxels_of(points: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Int32[
 
 
 def _measured(vertices: Float32[np.ndarray, "v 3"], grid: EvidenceGrid) -> Bool[np.ndarray, "v"]:
-    """Vertices whose place was measured; each lies on an edge of the grid, between an inner and an outer voxel.
+    """Which vertices were measured. Each lies on an edge of the grid, between an inner and an outer voxel.
 
     Both voxels are in the measured band; or one is, within a voxel of the surface, and rays passed the other.
     """

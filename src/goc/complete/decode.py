@@ -1,4 +1,4 @@
-"""A field of occupancy on a grid, asked only where its surface can be."""
+"""Evaluates an occupancy field on a grid, coarse to fine, only where its surface can be."""
 
 import math
 from dataclasses import dataclass
@@ -12,33 +12,33 @@ from goc.complete.partial import OccupancyField
 from goc.errors import CompleteError
 
 _STEEPEST = 20.0
-"""Change of log-odds from one voxel to the next above which steepness is not measured: both are nearly certain."""
+"""Slopes of the log-odds are clipped at this change per voxel: beyond, both voxels are nearly certain."""
 
 
 _BEYOND = -20.0
-"""Log-odds outside the model's cube, of which it knows nothing: the object ends there."""
+"""Log-odds assumed outside the model's cube: the object ends there."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class QueryGrid:
-    """Where a field is asked: centres of voxels, model units."""
+    """The grid of voxel centres at which a field is evaluated, model units."""
 
     origin: Float64[np.ndarray, "3"]
-    """Of voxel (0, 0, 0)."""
+    """Centre of voxel (0, 0, 0)."""
     voxel: float
     shape: tuple[int, int, int]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Refinement:
-    """How a field is searched for its surface."""
+    """How coarse the search for a field's surface begins, and where it is refined."""
 
     cells: int = 64
-    """Cells along the longest side that are asked at first, at least (where the grid has as many)."""
+    """Least number of cells along the longest side at the coarsest level (where the grid has as many)."""
     enough: int = 1 << 20
-    """Cells along the longest side from which on nothing more is asked; a finer grid is interpolated."""
+    """Cells along the longest side beyond which the field is not evaluated; finer levels are interpolated."""
     band: float = 3.0
-    """Cells with a corner of smaller |log-odds| are looked at more closely, though all corners agree."""
+    """Cells with a corner of smaller |log-odds| are refined, even where all corners have the same sign."""
 
 
 def decode(

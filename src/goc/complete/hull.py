@@ -1,4 +1,4 @@
-"""The evidence hull: what can still be the object once every ray was heard. A completion without any learning."""
+"""The evidence hull: the largest solid that agrees with every ray. A completion that needs no learning."""
 
 import math
 

@@ -35,7 +35,7 @@ class Attention(nn.Module):
         self.out = nn.Linear(width, width)
 
     def keys_values(self, tokens: Float[Tensor, "b s d"]) -> KeysValues:
-        """What queries meet."""
+        """Keys and values of the tokens, by head."""
         return self._by_head(self.key(tokens)), self._by_head(self.value(tokens))
 
     def forward(self, queries: Float[Tensor, "b q d"], met: KeysValues) -> Float[Tensor, "b q d"]:
@@ -63,11 +63,11 @@ class CrossBlock(nn.Module):
         self.feed_forward = _FeedForward(width)
 
     def keys_values(self, tokens: Float[Tensor, "b s d"]) -> KeysValues:
-        """All that this block needs of the tokens; independent of the queries, so it can be kept."""
+        """Keys and values of the tokens for this block; independent of the queries, so they can be computed once."""
         return self.attention.keys_values(self.tokens_norm(tokens))
 
     def forward(self, queries: Float[Tensor, "b q d"], met: KeysValues) -> Float[Tensor, "b q d"]:
-        """The queries after having met the tokens whose keys and values are given."""
+        """The queries, updated by attention to the tokens whose keys and values are given."""
         queries = queries + self.attention(self.queries_norm(queries), met)
         return queries + self.feed_forward(queries)
 
@@ -82,7 +82,7 @@ class SelfBlock(nn.Module):
         self.feed_forward = _FeedForward(width)
 
     def forward(self, tokens: Float[Tensor, "b s d"]) -> Float[Tensor, "b s d"]:
-        """The tokens after having met each other."""
+        """The tokens, updated by attention to each other."""
         normed = self.norm(tokens)
         tokens = tokens + self.attention(normed, self.attention.keys_values(normed))
         return tokens + self.feed_forward(tokens)

@@ -28,11 +28,11 @@ class LiteConfig:
     middle: int = 64
     """Channels at a quarter of `cells`."""
     width: int = 256
-    """Of the transformer's tokens, at an eighth of `cells`."""
+    """Width of the transformer's tokens, at an eighth of `cells`."""
     blocks: int = 6
-    """Of the transformer."""
+    """Number of transformer blocks."""
     heads: int = 4
-    """Of each attention."""
+    """Heads of each attention."""
     hidden: int = 64
     """Width of the MLP that reads occupancy off the features."""
 
@@ -52,7 +52,7 @@ class Residual(nn.Module):
 
 
 class Bottleneck(nn.Module):
-    """Every cell of a coarse grid as a token: what is far apart meets here."""
+    """A transformer over the cells of a coarse grid, each a token, so that distant places inform each other."""
 
     def __init__(self, cells: int, config: LiteConfig) -> None:
         super().__init__()
@@ -61,14 +61,14 @@ class Bottleneck(nn.Module):
         self.norm = nn.LayerNorm(config.width)
 
     def forward(self, volume: Volume) -> Volume:
-        """The grid after its cells have met."""
+        """The grid, updated by attention between its cells."""
         tokens = self.norm(self.blocks(volume.flatten(2).transpose(1, 2) + self.place))
         return tokens.transpose(1, 2).unflatten(2, volume.shape[2:])
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FeatureGrids:
-    """Grids that fill the cube, fine to coarse; together they say what is where."""
+    """Feature grids that fill the cube, fine to coarse; all of them are interpolated at a query."""
 
     volumes: tuple[Float[Tensor, "_ _ _ _ _"], ...]
 
@@ -110,7 +110,7 @@ class OscLite(nn.Module):
         )
 
     def features(self, evidence: Volume) -> FeatureGrids:
-        """What the network makes of the evidence; the evidence itself is the finest of the grids."""
+        """Encode the evidence as feature grids; the evidence itself is the finest of them."""
         given = evidence.to(memory_format=torch.channels_last_3d)  # twice as fast as the default on CPUs (measured)
         fine = self.encode_fine(self.stem(given))
         middle = self.encode_middle(self.to_middle(fine))

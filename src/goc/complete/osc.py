@@ -20,9 +20,9 @@ class OscConfig:
     decoder: int = 6
     """Self-attention blocks of the decoder, and as many cross-attention blocks."""
     width: int = 512
-    """Of every token outside the bottleneck."""
+    """Width of every token outside the bottleneck."""
     heads: int = 8
-    """Of every attention."""
+    """Heads of every attention."""
     tokens: int = 2048
     """M: points that FPS takes as queries, and so tokens of the latent."""
     latent: int = 16
@@ -81,7 +81,7 @@ class Osc(nn.Module):
         return Latent(mean=self.to_mean(tokens), log_variance=self.to_log_variance(tokens).clamp(-30.0, 20.0))
 
     def remember(self, latent: Float[Tensor, "b m c"]) -> list[KeysValues]:
-        """SelfAttns(E_s), as keys and values of each cross-attention: made once, met by any number of queries."""
+        """SelfAttns(E_s), as keys and values for each cross-attention: computed once for any number of queries."""
         tokens = self.from_latent(latent)
         for block in self.decoder_self:
             tokens = block(tokens)

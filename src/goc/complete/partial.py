@@ -1,4 +1,4 @@
-"""What completion starts from and what it gives: an object seen in part, and a field of occupancy, in one frame."""
+"""Input and output of completion: a partial object, and an occupancy field, both in the frame of a cube."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -26,9 +26,9 @@ class Cube:
     """The frame that completion works in: [-1, 1]³, axes parallel to the world's. Scale and place, no rotation."""
 
     centre: Float64[np.ndarray, "3"]
-    """World."""
+    """Centre of the cube, world."""
     side: float
-    """World units."""
+    """Length of a side, world units."""
 
     def model_from_world(self, points: Float[np.ndarray, "p 3"]) -> Float32[np.ndarray, "p 3"]:
         """World positions in the cube's frame."""
@@ -56,14 +56,14 @@ def bounding_cube(points: Float[np.ndarray, "p 3"], side: float = SIDE) -> Cube:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartialObject:
-    """An object as far as it was seen, in the frame of its cube: model units, in which the cube is [-1, 1]³."""
+    """What was measured of an object, in the frame of its cube: model units, in which the cube is [-1, 1]³."""
 
     points: Float32[np.ndarray, "p 3"]
     """On the seen surface."""
     normals: Float32[np.ndarray, "p 3"]
     """Unit, outwards; zero where unknown."""
     evidence: EvidenceGrid
-    """What rays said of the space round it; origin, voxel and sdf in model units."""
+    """Seen surface, seen-empty and unknown voxels around it; origin, voxel and sdf in model units."""
 
 
 def partial_object(
@@ -86,7 +86,7 @@ def partial_object(
 
 @runtime_checkable
 class OccupancyField(Protocol):
-    """How sure a model is, anywhere in the cube, that a point lies inside the object."""
+    """A model's occupancy of one object: log-odds that a point of the cube lies inside."""
 
     def logits(self, points: Float[Tensor, "q 3"]) -> Float[Tensor, "q"]:
         """Log-odds of occupancy at points in model units, [-1, 1]³; the sigmoid is the paper's Ô_s, Eq. (10)."""
@@ -95,7 +95,7 @@ class OccupancyField(Protocol):
 
 @runtime_checkable
 class Completer(Protocol):
-    """A completion model, whatever is inside."""
+    """Any model that completes an object from a partial one."""
 
     def complete(self, partial: PartialObject) -> OccupancyField:
         """The whole object, as far as the model can tell, from the part that was seen."""

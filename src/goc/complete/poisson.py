@@ -1,4 +1,4 @@
-"""Closing by normals alone: screened Poisson surface reconstruction (Kazhdan and Hoppe 2013), by sine transforms."""
+"""Screened Poisson surface reconstruction (Kazhdan and Hoppe 2013) on a dense grid, solved by sine transforms."""
 
 from collections.abc import Callable
 
@@ -12,7 +12,7 @@ from goc.scene import EvidenceGrid
 Grid = Float32[np.ndarray, "x y z"]
 
 _BLUR = 1.5
-"""Width of a point's smear, voxels."""
+"""Standard deviation of the Gaussian that smooths the points' normals, voxels."""
 _SCREEN = 2.0
 """How much a voxel that holds surface pulls the indicator to its level there, against a voxel of its Laplacian."""
 _ROUNDS = 30
@@ -107,7 +107,7 @@ def _voxels(at: Float32[np.ndarray, "p 3"]) -> tuple[np.ndarray, ...]:
 
 
 def _splatted(at: Float32[np.ndarray, "p 3"], values: Float32[np.ndarray, "p"], shape: tuple[int, ...]) -> Grid:
-    """Sums of values dealt to the eight voxels round each point, trilinear."""
+    """Sums of values distributed to the eight voxels round each point, by trilinear weights."""
     low = np.floor(at).astype(np.int64)
     share = at - low
     total = np.zeros(int(np.prod(shape)))

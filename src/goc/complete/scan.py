@@ -1,4 +1,4 @@
-"""One partial scan: where its points are is surface; what else is, only the place it was seen from may tell."""
+"""Completes one partial point cloud, which has no evidence but its points and, if given, the sensor's position."""
 
 from dataclasses import replace
 
@@ -24,11 +24,11 @@ _NEAREST = 8
 _ROOM = 0.125
 """Room round the points, longest sides."""
 _LEAST_OBSERVED = 0.005
-"""Share of the closed surface that lies on the scan, below which the scan was taken for the wall of a hollow."""
+"""Least share of the closed surface that lies on the scan: below, normals look inwards and a shell was closed."""
 _LOST_VOXELS, _LOST_SHARE = 2.0, 0.05
-"""Points this far off the closed surface are lost; more than this share of them is told."""
+"""Points this many voxels off the closed surface are lost; a warning tells where more than this share is."""
 _OUTLIER_DISTANCE = 6.0
-"""Points whose neighbours are this many times further off than is usual are outliers."""
+"""Points whose mean distance to their neighbours is this many times the median are outliers."""
 
 
 def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = ignore) -> FlaggedMesh:
@@ -87,7 +87,7 @@ def _tell_lost(points: Float32[np.ndarray, "p 3"], closed: Mesh, voxel: float, n
 
 
 def _prepared(cloud: PointCloud, viewpoint: Float64[np.ndarray, "3"] | None, notify: Listener) -> PointCloud:
-    """Enough points, not too many, no outliers, with normals outwards as far as the viewpoint tells."""
+    """Remove outliers, thin the points out to 200,000, and give them outward normals where they have none."""
     count = len(cloud.positions)
     if count < _FEWEST or not np.ptp(cloud.positions, axis=0).max() > 0:
         raise CompleteError(f"{count} points tell no surface: {_FEWEST} are needed, in more than one place.")

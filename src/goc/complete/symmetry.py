@@ -1,4 +1,4 @@
-"""The eight poses that gravity leaves an object in: quarter turns about z, each mirrored in x first or not."""
+"""The eight symmetries that keep gravity and the grid: quarter turns about z, each with or without a mirror in x."""
 
 import torch
 from jaxtyping import Float

@@ -1,4 +1,4 @@
-"""Where one sensor stood tells which space its rays passed: in front of what it saw, and past the outline."""
+"""Marks space as seen empty from the position of one sensor: in front of the points it saw, and beside them."""
 
 from dataclasses import dataclass, replace
 
@@ -10,13 +10,13 @@ from goc.errors import CompleteError
 from goc.scene import Evidence, EvidenceGrid
 
 _CLEAR = 2.0
-"""Voxels that a ray must pass in front of a point to have passed for sure."""
+"""Space nearer than this many voxels in front of a point is not marked as empty."""
 _WIDEST = 4.0
-"""Tangent of the angle off the view's axis up to which a viewpoint is one outside the scan."""
+"""Greatest tangent of the angle between the view's axis and a point: beyond, the viewpoint is among the points."""
 _CLOSED = 2
 """Pixels, about voxels, by which gaps between points are closed and the outline is widened."""
 _SMALL_HOLE = 0.02
-"""Share of the outline below which a hole in it is one of the sensor, not of the object."""
+"""Holes in the outline below this share of its area are gaps in the scan, not in the object."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,7 +74,7 @@ def carve_free_space(
 def facing(
     normals: Float32[np.ndarray, "p 3"], points: Float[np.ndarray, "p 3"], viewpoint: Float[np.ndarray, "3"]
 ) -> Float32[np.ndarray, "p 3"]:
-    """Normals turned to the side that the sensor saw."""
+    """Flip normals that look away from the sensor."""
     away = (normals * (viewpoint - points)).sum(axis=1) < 0
     return np.where(away[:, None], -normals, normals).astype(np.float32)
 
@@ -91,7 +91,7 @@ def _looking(viewpoint: Float[np.ndarray, "3"], points: Float[np.ndarray, "p 3"]
 
 
 def _outline(hit: Bool[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
-    """Pixels that the object covers, or may."""
+    """Pixels that the object covers or may cover: gaps closed, small holes filled, widened at the border."""
     closed = ndimage.binary_closing(hit, iterations=_CLOSED)
     holes, count = ndimage.label(~closed)
     sizes = np.bincount(holes.ravel(), minlength=count + 1)

@@ -1,4 +1,4 @@
-"""The frozen judge: what a run made against complete ground truth, by protocols of fixed numbers."""
+"""Scores a run against complete ground truth, by protocols whose numbers are fixed."""
 
 from goc.evaluation.evaluate import evaluate
 from goc.evaluation.result import (

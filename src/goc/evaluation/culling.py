@@ -1,4 +1,4 @@
-"""What training views saw of a mesh, as the published protocols cut it out: fused renders, or frustums."""
+"""Removes the parts of a mesh that training views did not see, as published protocols do: fused renders, frustums."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ _CHUNK_BLOCKS = 8_192
 _CELL_VOXELS = 4
 """Edge of the cells in which surface is looked for, voxels."""
 _LAYERS = 16
-"""Back faces in a row that a ray passes through."""
+"""Greatest number of back faces in a row that a ray passes through."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,11 +26,11 @@ class RefusionConfig:
     voxel: float = 0.01
     truncation: float = 0.03
     depth_limit: float = 5.0
-    """Farther pixels are not fused."""
+    """Pixels with greater depth are not fused, metres."""
 
 
 def fuse_renders(mesh: Mesh, cameras: tuple[Camera, ...], settings: RefusionConfig) -> Mesh:
-    """Fuse renders of a mesh from all cameras: what is left is what they saw, tessellated evenly.
+    """Fuse depth renders of a mesh from all cameras: the part that they saw, evenly tessellated.
 
     Back faces are not rendered. Depth is z; each pixel speaks for the signed distance along its ray.
 
@@ -53,7 +53,7 @@ def fuse_renders(mesh: Mesh, cameras: tuple[Camera, ...], settings: RefusionConf
 
 
 def cull_to_frustums(mesh: Mesh, cameras: tuple[Camera, ...]) -> Mesh:
-    """The faces with some corner inside some camera's image; what stands in between is not looked at."""
+    """Keep the faces with a corner inside some camera's image; occlusion is not tested."""
     vertices = mesh.vertices.astype(np.float64)
     inside = np.zeros(len(vertices), bool)
     for camera in cameras:
@@ -62,7 +62,7 @@ def cull_to_frustums(mesh: Mesh, cameras: tuple[Camera, ...]) -> Mesh:
 
 
 class _Model:
-    """A mesh with what every view of it needs."""
+    """A mesh with a scene, face normals and bounding box for rendering it."""
 
     def __init__(self, mesh: Mesh) -> None:
         corners = mesh.vertices.astype(np.float64)[mesh.faces]

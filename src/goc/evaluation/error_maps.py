@@ -1,4 +1,4 @@
-"""Pictures of the objects that came out worst: prediction beside truth, coloured by how far apart they are."""
+"""Error maps of the worst objects: prediction and truth, coloured by the distance to each other."""
 
 import base64
 import io
@@ -33,7 +33,7 @@ _UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorMaps:
-    """One object in pictures, as data: URIs of PNG files."""
+    """Error maps of one object from several sides, as data: URIs of PNG files."""
 
     id: int
     prediction: list[str]
@@ -54,7 +54,7 @@ def worst_objects(evaluation: Evaluation, count: int) -> list[int]:
 
 
 def worst_error_maps(evaluation: Evaluation, run: Path, truth: Path, count: int) -> list[ErrorMaps]:
-    """Picture the worst objects of an evaluation of `run` against `truth`."""
+    """Render error maps of the `count` worst objects of an evaluation of `run` against `truth`."""
     known, made = read_truth(truth), read_prediction(run, evaluation.meshes)
     found = []
     for id in worst_objects(evaluation, count):

@@ -1,4 +1,4 @@
-"""The judge: a run against a ground truth, by a protocol."""
+"""Scores a run against a ground truth by a protocol."""
 
 from pathlib import Path
 

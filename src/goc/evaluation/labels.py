@@ -1,7 +1,7 @@
-"""Whether surfaces carry the right id, apart from whether they lie in the right place.
+"""Scores whether surfaces carry the right id, separately from whether they lie in the right place.
 
-Where two true objects (or one and the room) meet, the id of a point is a matter of taste: surface within 1 cm of both
-is left out of the count, on either side. Distances are exact, to triangles.
+Where two true objects (or one and the room) meet, the right id of a point is ambiguous: surface within 1 cm of both is
+not counted. Distances are exact, to triangles.
 """
 
 from collections.abc import Iterable, Mapping

@@ -1,4 +1,4 @@
-"""Which predicted object is compared with which true one."""
+"""Matches predicted objects with true ones, by id or by shape."""
 
 from collections.abc import Mapping
 
@@ -14,7 +14,7 @@ from goc.scene import Mesh
 _SAMPLES = 4_000
 _WITHIN = 0.05
 _LEAST = 0.1
-"""An F below this is no match: the two merely stand near each other."""
+"""Pairs with a lower F-score are not matched: they merely stand near each other."""
 
 
 def match_by_id(predicted: Mapping[int, Mesh], truth: Truth) -> dict[int, int]:

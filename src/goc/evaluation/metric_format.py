@@ -1,4 +1,4 @@
-"""How figures read: names, units, number of digits; the same in the terminal and on the page."""
+"""Titles, units and digits of all metrics, for the terminal and for the page."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ NOTHING = "–"
 
 @dataclass(frozen=True, kw_only=True)
 class MetricFormat:
-    """One figure's column."""
+    """How one metric is shown: its column's title, unit, digits and meaning."""
 
     title: str
     unit: str
@@ -95,7 +95,7 @@ def table_columns(evaluation: Evaluation) -> list[str]:
 
 
 def summary_sentence(evaluation: Evaluation) -> str:
-    """How many objects there are of what, in a sentence."""
+    """One sentence with the numbers of objects found, missing, extra, skipped and watertight."""
     counts = evaluation.counts
     words = [f"{counts.found} of {counts.objects} objects found"]
     words += [f"missing: {', '.join(map(str, evaluation.missing))}"] if evaluation.missing else []

@@ -1,4 +1,4 @@
-"""How far two surfaces are apart, and two images: plain, area-uniform, in metres.
+"""Metrics of surfaces (accuracy, completion, chamfer, F-score, normals) and of images (PSNR, SSIM).
 
 The protocol: both surfaces are 30,000 area-uniform samples with normals; distances go from each sample to the nearest
 sample of the other side (never to vertices: those reward dense tessellation). At that density half a spacing remains

@@ -1,4 +1,4 @@
-"""What a run made: the meshes of its objects and of its scene."""
+"""The prediction to be scored: meshes of a run's objects and of its scene."""
 
 from dataclasses import dataclass
 from functools import cached_property

@@ -38,7 +38,7 @@ class ExtraObject(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class Counts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """How many there are of what."""
+    """Numbers of objects by outcome."""
 
     objects: int
     found: int

@@ -1,4 +1,4 @@
-"""What closed meshes hold: volume, overlap, and how deep they stick in each other and in the walls."""
+"""Volumes of closed meshes: volume, IoU, and how far meshes penetrate each other and the walls."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -21,13 +21,13 @@ Box = tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]
 
 @dataclass(frozen=True, eq=False)
 class SolidMesh:
-    """A mesh with what is asked of it more than once, computed when first asked."""
+    """A mesh with its scene, flaws, box and volume, each computed once when first needed."""
 
     mesh: Mesh
 
     @cached_property
     def scene(self) -> TriangleScene:
-        """For rays, distances and sides."""
+        """The mesh for ray casting, distances and winding numbers."""
         return TriangleScene(self.mesh.vertices, self.mesh.faces)
 
     @cached_property
@@ -79,7 +79,7 @@ class RoomWalls:
 
     @cached_property
     def scene(self) -> TriangleScene:
-        """For distances and sides."""
+        """The walls for distances and winding numbers."""
         return TriangleScene(self.mesh.vertices, self.mesh.faces)
 
     def hold(self, points: Float64[np.ndarray, "n 3"]) -> Bool[np.ndarray, "n"]:
@@ -90,7 +90,7 @@ class RoomWalls:
 
 @dataclass(frozen=True, kw_only=True)
 class Penetration:
-    """How far two things stick in each other."""
+    """How far two objects penetrate each other."""
 
     depth: float
     """Of the surface samples of either inside the other, the greatest distance to the other's surface; 0: none is."""
@@ -112,7 +112,7 @@ def intersection_over_union(first: SolidMesh, second: SolidMesh, seed: int) -> f
 def penetration(
     first: SolidMesh, samples: SurfaceSamples, second: SolidMesh, second_samples: SurfaceSamples, seed: int
 ) -> Penetration:
-    """How far two solids stick in each other; both must have an inside."""
+    """How far two closed meshes penetrate each other; both must have an inside."""
     low, high = np.maximum(first.box[0], second.box[0]), np.minimum(first.box[1], second.box[1])
     if not (low < high).all():
         return NO_PENETRATION

@@ -1,4 +1,4 @@
-"""Writing an evaluation down."""
+"""Writes eval.json and eval.html."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Where surfaces are, coarsely: cells of space that pixels hit, by id. Tells what to allocate and what is how big."""
+"""Coarse cells of space that pixels hit, counted by id: where to allocate voxels, and how large each object is."""
 
 import math
 from collections.abc import Iterable
@@ -56,7 +56,7 @@ def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> CellCou
 def object_cells(cells: CellCounts, wanted: int, least_share: float = 0.3) -> Int32[np.ndarray, "n 3"]:
     """Cells that belong to one object: pixels of its id are a fair share there, and the piece they form is not small.
 
-    Ids that flicker at silhouettes stain what lies behind; there the other views outvote them.
+    Wrong ids at silhouettes fall on what lies behind; there the pixels of other views are more.
     """
     totals = _totals(cells)
     own = (cells.ids == wanted) & (cells.hits >= least_share * totals)

@@ -1,4 +1,4 @@
-"""What fusion needs of a frame: depth, how obliquely each pixel sees its surface, ids, colours, a pinhole."""
+"""The input of fusion: depth, obliqueness, ids and colours of one frame, with its pinhole camera."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class DepthView:
     """Cosine between ray and surface normal, (0, 1]; NaN at flying pixels, which are ignored."""
     ids: Int16[np.ndarray, "h w"] | None
     colours: UInt8[np.ndarray, "h w 3"] | None
-    """None: nobody will ask."""
+    """sRGB; None where the surface needs no colours."""
     pinhole: Float64[np.ndarray, "16"]
     """fx, fy, cx, cy, then the upper three rows of cam_from_world."""
     world_from_cam: Float64[np.ndarray, "3 4"]

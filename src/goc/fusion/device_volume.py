@@ -68,7 +68,7 @@ class DeviceVolume:
     """As `Volume`; native/fuse.cpp is its twin in the tests."""
 
     def __init__(self, grid: BlockGrid, device: torch.device) -> None:
-        """Without any view yet."""
+        """Start with all sums 0."""
         self._block_grid = grid
         self._corners = torch.from_numpy(grid.blocks.astype(np.float64) * BLOCK).to(device)
         steps = torch.arange(BLOCK, device=device)

@@ -1,4 +1,4 @@
-"""What was measured in a box round an object: surface seen, seen empty, unknown."""
+"""The evidence grid of an object: which voxels hold seen surface, are seen empty, or are unknown."""
 
 import numpy as np
 from jaxtyping import Float32, Float64, Int64, Shaped, UInt8

@@ -25,7 +25,7 @@ class BlockGrid:
 
 
 class Volume:
-    """A grid with the sums that views add to: the one thing of this stage that changes."""
+    """A block grid with the sums that views are fused into; mutable."""
 
     def __init__(self, grid: BlockGrid) -> None:
         self.grid = grid
@@ -53,12 +53,12 @@ class Volume:
 
     @property
     def other(self) -> Float32[np.ndarray, "b 8 8 8"]:
-        """The same of rays that ended on another id."""
+        """Σ cos θ / z² of the rays that ended in the band on another id."""
         return self.sums[OTHER]
 
     @property
     def empty(self) -> Float32[np.ndarray, "b 8 8 8"]:
-        """The same of rays that passed through."""
+        """Σ cos θ / z² of the rays that passed through the voxel."""
         return self.sums[EMPTY]
 
     def distance(self) -> Float32[np.ndarray, "b 8 8 8"]:
@@ -68,7 +68,7 @@ class Volume:
         return np.where(weight > 0, mean, np.float32(np.nan))
 
     def distance_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n"]:
-        """The same at voxels whose weight is above 0, by their index among all."""
+        """Mean signed distance at voxels whose weight is above 0, by their flat index."""
         return self.sums[DISTANCE].reshape(-1)[voxels] / self.weight.reshape(-1)[voxels]
 
     def colours_at(self, voxels: Int64[np.ndarray, "n"]) -> Float32[np.ndarray, "n 3"]:
@@ -80,7 +80,7 @@ class Volume:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class FusedSurface:
-    """A mesh with what the votes say of each vertex."""
+    """A fused mesh, with weight and agreement of the rays at each vertex."""
 
     mesh: Mesh
     weight: Float32[np.ndarray, "v"]

@@ -7,13 +7,13 @@ from torch import Tensor
 from goc.scene.capture import DepthKind
 
 _FEWEST = 24
-"""Pixels that two numbers are fitted to at least."""
+"""Least number of pixels for a fit of scale and offset."""
 _MOST = 2048
-"""Pixels looked at at most, evenly spread: the fit is long settled by then."""
+"""Greatest number of pixels that are fitted, evenly spread; more do not change the fit."""
 _LEAST_VARIATION = 0.01
 """Least spread of the fitted depths, as a share of their mean: on a wall seen head-on, scale and offset are one."""
 _LEAST_CORRELATION = 0.5
-"""Of stored and known depth among the samples kept: below, the network saw another scene."""
+"""Least correlation of stored and known depth among the samples kept: below, they do not show the same scene."""
 _ROUNDS = 10
 _TUKEY = 4.685
 """Tukey's biweight is 95 % as efficient as least squares on normal errors with this many standard deviations."""

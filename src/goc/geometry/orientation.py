@@ -1,4 +1,4 @@
-"""Normals of bare points: directions from neighbours, sides from one to the next."""
+"""Normals of a point cloud: directions from each point's neighbours, sides propagated between neighbours."""
 
 import numpy as np
 from jaxtyping import Float, Float32, Float64, Int64

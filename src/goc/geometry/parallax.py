@@ -16,7 +16,7 @@ _DEPTHS = (0.6, 1.0, 1.6)
 
 
 def parallax_views(cameras: Sequence[Camera], distance: float, count: int) -> Int32[np.ndarray, "v k"]:
-    """For each view the others that see most of what it sees, at angles that suit matching; -1 where there are fewer.
+    """Choose for each view the others that see most of the same surface at angles that suit stereo; -1 = none.
 
     Each view's pixels are sampled on a 5 by 5 grid at 0.6, 1 and 1.6 times `distance`. A view scores by the share of
     those points inside its frame, each weighted by the angle between the two rays (best at 10°: less measures badly,

@@ -1,4 +1,4 @@
-"""Rays against triangles: what a camera sees of a mesh, what stands in the light, what is inside, near or crossed."""
+"""Ray casting and distance queries against triangles: hits, occlusion, winding numbers, nearest points, crossings."""
 
 from dataclasses import dataclass, field
 

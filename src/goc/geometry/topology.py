@@ -1,4 +1,4 @@
-"""Whether a mesh is closed, and how much it holds.
+"""Whether a mesh is closed or watertight, and its volume.
 
 Corners at bitwise the same place count as one: files of scanned or textured meshes repeat them along seams.
 """

@@ -1,4 +1,4 @@
-"""Things from a folder of meshes: found, read, stood upright, and judged by what they can be in a room."""
+"""Turns a folder of meshes into assets for a room: finds, reads, orients and sorts them by where they can stand."""
 
 import csv
 import io
@@ -27,12 +27,12 @@ from goc.synth.vectors import length, unit
 _CATALOGUE = "objects.csv"
 _CATALOGUE_LIMIT = 64 << 20
 _LARGE_M = 0.55
-"""Things at least this long stand on the floor."""
+"""Objects whose longest side is at least this stand on the floor."""
 _SMALL_M = 0.45
-"""Things at most this long may stand on others."""
+"""Objects whose longest side is at most this may stand on others."""
 _TALLEST_M = 2.1
 _SLENDER = 6.0
-"""Height over least width of the base from which on a thing would topple."""
+"""Ratio of height to least width of the base above which an object would topple."""
 _SIDE_RAYS = 12
 
 
@@ -72,12 +72,12 @@ class MeshFolder(Settings):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Asset:
-    """A thing that can stand in a room."""
+    """An object that can stand in a room."""
 
     model: Model
     """Base on z = 0, centred on x = y = 0, back towards +y; tops where things can stand on it."""
     has_back: bool
-    """It is higher behind than before, as chairs are."""
+    """It is higher at the back than in front, as chairs are."""
 
     @cached_property
     def size(self) -> Float[np.ndarray, "3"]:
@@ -141,9 +141,9 @@ def _catalogue(root: Path) -> dict[Path, tuple[str, str]]:
 
 
 def draw_assets(source: MeshFolder, rng: np.random.Generator, notify: Listener) -> Iterator[Asset]:
-    """Assets in random order, each file read when it is asked for; what is of no use is left out.
+    """Yield assets in random order, reading each file when its turn comes; damaged and unsuitable ones are skipped.
 
-    When the files, or the asking, end, a warning says how many were damaged and how many unsuitable, and why the first.
+    When the iteration ends, a warning says how many were damaged and how many unsuitable, and names the first of each.
     """
     meshes = list_meshes(source)
     damaged: list[str] = []
@@ -169,7 +169,7 @@ def draw_assets(source: MeshFolder, rng: np.random.Generator, notify: Listener) 
 
 
 class _Unsuitable(ValueError):
-    """Why a mesh cannot be a thing in a room."""
+    """The reason why a mesh cannot stand in a room."""
 
 
 def make_asset(pieces: tuple[MeshPiece, ...], name: str, source: MeshFolder) -> Asset:

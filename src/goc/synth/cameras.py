@@ -1,4 +1,4 @@
-"""The way a person walks through a room with a camera: round it at head height, and close to what stands on things."""
+"""Camera poses as of a person filming a room: round it at head height, and close-ups of each object."""
 
 import numpy as np
 import torch
@@ -12,7 +12,7 @@ from goc.synth.room import FurnishedRoom
 CLEARANCE = 0.32
 """Metres that a camera keeps from every surface."""
 _DISTANCE_LIMITS = (0.55, 1.9)
-"""Metres between a camera and the middle of what it looks at closely."""
+"""Least and greatest distance, metres, of a close-up from the middle of its object."""
 
 Rng = np.random.Generator
 Pose = tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"]]
@@ -66,7 +66,7 @@ def _camera(eye: np.ndarray, target: np.ndarray, focal: float, size: tuple[int, 
 
 
 def _round_trip(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
-    """Once and a half round an oval near the walls, looking at the middle of the room, the hand rising and sinking."""
+    """One and a half rounds on an oval near the walls, looking at the middle of the room, at varying height."""
     poses = []
     reach = room.size.half[:2] - 0.5
     phase = float(rng.uniform(0, 2 * np.pi))
@@ -85,7 +85,7 @@ def _round_trip(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng)
 
 
 def _look_outward(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
-    """Turning round near the middle of the room, looking at the walls and what stands before them."""
+    """Poses near the middle of the room that look outwards in all directions."""
     poses = []
     for i in range(count):
         turn = 2 * np.pi * i / count
@@ -100,7 +100,7 @@ def _look_outward(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rn
 
 
 def _close_looks(room: FurnishedRoom, scene: TriangleScene, count: int, rng: Rng) -> list[Pose]:
-    """Each object in turn, from where most of it is seen and from a side it was not yet looked at."""
+    """Close-ups of each object in turn: from where most of it is visible, and from a side not yet seen."""
     poses: list[Pose] = []
     looked: dict[int, list[np.ndarray]] = {key: [] for key in room.objects}
     order = sorted(room.objects, key=lambda key: _extent(room.objects[key]))  # small things need it most

@@ -1,4 +1,4 @@
-"""Whether things stand in each other, by their true surfaces, and how far one can sink until it touches another."""
+"""Tests by their true surfaces whether objects overlap, and how far one can drop until it touches another."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from goc.synth.model import Model
 from goc.synth.vectors import length
 
 _TOUCH = 1e-3
-"""Metres by which things that stand on each other are lifted apart before they are tested."""
+"""Metres by which the upper of two objects is lifted before the test, so that contact is no overlap."""
 _INSIDE = np.array([[0.0123, 0.0217, 1.0], [1.0, 0.0171, 0.0113], [0.0191, -1.0, 0.0137]])
 """Askew directions, so that no ray runs along a surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class CollisionMesh:
-    """A thing's surface in the world, ready for tests."""
+    """An object's surface in the world, ready for tests."""
 
     scene: TriangleScene
 

@@ -1,4 +1,4 @@
-"""Lamps, plants, and the small things that stand on tables and shelves. Base on z = 0, metres."""
+"""Models of lamps, plants, and small objects that stand on tables and shelves. Base on z = 0, metres."""
 
 import numpy as np
 

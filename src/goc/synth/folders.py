@@ -6,10 +6,10 @@ from goc.errors import ExportError
 
 
 def check_new(folder: Path) -> None:
-    """Make sure that nothing is in the way.
+    """Check that a folder is absent or empty.
 
     Raises:
-        ExportError: there is something.
+        ExportError: it is a file, or holds something.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise ExportError(f"{folder}: not an empty folder. Name another one, or remove it first.")

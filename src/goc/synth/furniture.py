@@ -1,4 +1,4 @@
-"""What stands on the floor to sit on, to put things on, to put things in. Front towards -y, base on z = 0, metres."""
+"""Models of furniture that stands on the floor. Front towards -y, base on z = 0, metres."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Where things stand: against walls, before each other, in corners, on top of each other; never in each other."""
+"""Placement of objects in a room: against walls, on the floor, on top of each other, without overlap."""
 
 from dataclasses import dataclass
 
@@ -32,12 +32,12 @@ class UprightBox:
 
     @property
     def corners(self) -> Float[np.ndarray, "4 2"]:
-        """Of the base, counter-clockwise."""
+        """Corners of the base, counter-clockwise."""
         signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
         return self.centre + (signs * self.half) @ self.axes
 
     def apart(self, other: "UprightBox", gap: float) -> bool:
-        """Whether some plane separates both boxes by at least `gap`, which sideways only counts."""
+        """Whether the boxes are apart: one wholly above the other, or at least `gap` metres between them sideways."""
         if self.low >= other.high - 1e-9 or other.low >= self.high - 1e-9:
             return True
         for axis in (*self.axes, *other.axes):
@@ -49,10 +49,10 @@ class UprightBox:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedModel:
-    """A thing in its place."""
+    """A model placed in a room."""
 
     model: Model
-    """In the world."""
+    """The model in world coordinates."""
     footprint: UprightBox
     local: Model
     x: float
@@ -61,7 +61,7 @@ class PlacedModel:
     yaw: float
 
     def top(self, index: int = 0) -> Top:
-        """One of its tops; x, y, z in the world, width along the thing's own x."""
+        """One of its tops, in the world; width is measured along the model's own x axis."""
         own = self.local.tops[index]
         across = rotation("z", self.yaw)[:2, :2] @ np.array([own.x, own.y])
         return Top(
@@ -75,14 +75,14 @@ class PlacedModel:
 
 
 def place_model(model: Model, x: float, y: float, z: float, yaw: float) -> PlacedModel:
-    """Put a thing somewhere; its lowest point comes to lie at z."""
+    """Place a model in the world; its lowest point comes to lie at z."""
     bounds = model.bounds
     world = model.turned(yaw).moved(x, y, z - bounds[0][2])
     return PlacedModel(model=world, footprint=_footprint(bounds, x, y, z, yaw), local=model, x=x, y=y, z=z, yaw=yaw)
 
 
 def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> UprightBox:
-    """Of a thing with these bounds in its own frame."""
+    """The upright box of a placed model with these bounds in its own frame."""
     low, high = bounds
     middle = rotation("z", yaw)[:2, :2] @ (low + high)[:2] / 2
     return UprightBox(
@@ -91,7 +91,7 @@ def _footprint(bounds: Bounds, x: float, y: float, z: float, yaw: float) -> Upri
 
 
 class Layout:
-    """Things placed so far, and places that must stay free; refuses what would overlap."""
+    """The models placed so far, and the boxes that must stay free; mutable while a room is furnished."""
 
     def __init__(self, size: RoomSize, kept_free: tuple[UprightBox, ...]) -> None:
         self.size = size
@@ -99,19 +99,19 @@ class Layout:
         self.things: list[PlacedModel] = []
 
     def add(self, thing: PlacedModel | None) -> PlacedModel | None:
-        """Keep a thing; returns it."""
+        """Add a placed model, unless it is None; returns it."""
         if thing is not None:
             self.things.append(thing)
         return thing
 
     def fits(self, footprint: UprightBox, gap: float, below: PlacedModel | None = None) -> bool:
-        """Whether a thing would lie inside the room and `gap` away from all others but the one below it."""
+        """Whether a box lies inside the room, and at least `gap` metres from all others but the one below it."""
         inside = (np.abs(footprint.corners) <= self.size.half[:2] - 0.015).all()
         others = [other.footprint for other in self.things if other is not below] + list(self.kept_free)
         return bool(inside) and all(footprint.apart(other, gap) for other in others)
 
     def against_wall(self, model: Model, side: int, along: float, gap: float = 0.06) -> PlacedModel | None:
-        """Back to a wall, centred at `along` on it; None where that is taken."""
+        """Place a model with its back to a wall, centred at `along` on it; None where something is in the way."""
         reach = self.size.half[side % 2] - 0.03 - model.bounds[1][1]
         sign = 1 if side < 2 else -1
         x, y = (sign * reach, along) if side % 2 == 0 else (along, sign * reach)
@@ -121,7 +121,7 @@ class Layout:
     def first_free(
         self, model: Model, spots: Float[np.ndarray, "k 3"], gap: float, z: float = 0.0
     ) -> PlacedModel | None:
-        """At the first of the places (x, y, yaw) that is free."""
+        """Place a model at the first of the poses (x, y, yaw) that is free; None where none is."""
         bounds = model.bounds
         for x, y, yaw in spots.tolist():
             if self.fits(_footprint(bounds, x, y, z, yaw), gap):
@@ -129,9 +129,9 @@ class Layout:
         return None
 
     def on_top(self, model: Model, below: PlacedModel, index: int, rng: np.random.Generator) -> PlacedModel | None:
-        """On one of the tops of another thing, wholly inside its edge; None where there is no room left.
+        """Place a model on a top of another one, wholly inside its edge; None where there is no room left.
 
-        The top promises that nothing of the thing below is in the way.
+        Tops are free areas, so the object below need not be tested.
         """
         top = below.top(index)
         low, high = model.bounds

@@ -1,4 +1,4 @@
-"""Soft light: a window and a ceiling lamp with area shadows, and what all surfaces throw back at each other.
+"""Lighting of a room: area lights (window, ceiling lamp) with soft shadows, and reflections between all surfaces.
 
 "Light" here is irradiance over pi, so that reflectance times light is radiance.
 """
@@ -19,7 +19,7 @@ _Rays = tuple[Int[np.ndarray, "_"], Int[np.ndarray, "_"]]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class AreaLight:
-    """A rectangle that shines to one side."""
+    """A rectangular light that shines to one side."""
 
     centre: Float[np.ndarray, "3"]
     across: Float[np.ndarray, "3"]
@@ -38,18 +38,18 @@ class AreaLight:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LitSurfaces:
-    """Surfaces whose mutual reflections are known."""
+    """Surfaces with their baked radiance: direct light and reflections between surfaces."""
 
     surfaces: RoomSurfaces
     lights: tuple[AreaLight, ...]
     radiance: Float32[np.ndarray, "t 3"]
-    """What each triangle sends out, all bounces included, its own glow excluded."""
+    """Outgoing radiance of each triangle, all bounces included, its own emission excluded."""
     exposure: float
     """Factor that brings the room to a pleasant brightness."""
 
 
 def bake(surfaces: RoomSurfaces, lights: tuple[AreaLight, ...], bounces: int = 3, samples: int = 8) -> LitSurfaces:
-    """Light every triangle's middle, directly and by `bounces` reflections (radiosity by gathering)."""
+    """Compute the light at every triangle's middle, direct and by `bounces` reflections (radiosity by gathering)."""
     points = triangle_centres(surfaces)
     colour = appearance_at(surfaces, points).colour
     start = np.zeros(len(points), np.int64)

@@ -1,4 +1,4 @@
-"""What surfaces look like: a colour for each point of an object's own frame, so that no image files are needed.
+"""Procedural materials: a colour for each point in an object's own frame, so that no image files are needed.
 
 Colours are linear reflectances in [0, 1].
 """
@@ -19,27 +19,27 @@ Rgb = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Appearance:
-    """Of some points."""
+    """Colour, emission and gloss of p points."""
 
     colour: Colours
     """Linear reflectance."""
     glow: Colours | float = 0.0
-    """Light that the surface itself sends out; 1 is white on the image."""
+    """Light that the surface emits; 1 is white in the image."""
     gloss: Float[np.ndarray, "p"] | float = 0.0
-    """Share of a light that the surface mirrors, 0 = matt."""
+    """Share of a light's radiance that is reflected as in a mirror; 0 = matt."""
 
 
 @runtime_checkable
 class Material(Protocol):
-    """Looks by place, metres in the object's frame."""
+    """Gives the appearance of points, which are in metres in the object's frame."""
 
     def appearance(self, points: Points) -> Appearance:
-        """What these points look like."""
+        """Appearance at each point."""
         ...
 
 
 class NonEmissiveMaterial:
-    """A material of one gloss that sends out no light; the classes below say what `colour` is."""
+    """Base of materials that emit no light and have one gloss; subclasses define `colour`."""
 
     gloss: float
 
@@ -59,7 +59,7 @@ def linear(code: str) -> Rgb:
 
 
 def mix(low: Rgb | Colours, high: Rgb | Colours, weight: Float[np.ndarray, "p"]) -> Colours:
-    """From `low` at weight 0 to `high` at weight 1."""
+    """Linear interpolation from `low` at weight 0 to `high` at weight 1."""
     first, second = np.asarray(low, np.float32), np.asarray(high, np.float32)
     return first + weight.astype(np.float32)[:, None] * (second - first)
 
@@ -149,7 +149,7 @@ class Stripes(NonEmissiveMaterial):
 
 @dataclass(frozen=True)
 class BeachBall(NonEmissiveMaterial):
-    """The segments of a beach ball, round a vertical axis through the origin."""
+    """The coloured segments of a beach ball, round a vertical axis through the origin."""
 
     colours: tuple[Rgb, ...]
     cap: Rgb

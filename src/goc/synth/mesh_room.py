@@ -1,4 +1,4 @@
-"""A room furnished with meshes from a folder: large things on the floor, small ones on them."""
+"""A room furnished with meshes from a folder: large objects on the floor, small ones on top of them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -40,7 +40,7 @@ _CONTACT = 0.01
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Stock:
-    """What there is to choose from, in random order."""
+    """The assets to choose from, in random order."""
 
     large: tuple[Asset, ...]
     small: tuple[Asset, ...]
@@ -97,7 +97,7 @@ def _covered(assets: list[Asset]) -> float:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Placer:
-    """Furnishes one room."""
+    """One attempt at furnishing one room."""
 
     rng: Rng
     style: Style
@@ -106,10 +106,10 @@ class _Placer:
     count: int
     layout: Layout
     meshes: list[CollisionMesh]
-    """Surfaces of the things in the layout."""
+    """Collision meshes of the models in the layout, in the same order."""
 
     def furnish(self) -> bool:
-        """Place everything; False if that did not work out."""
+        """Place everything; False where some object finds no place."""
         on_floor = round(_ON_FLOOR * self.count)
         if len(self.stock.small) < self.count - on_floor:
             on_floor = self.count - len(self.stock.small)

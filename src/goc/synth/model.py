@@ -1,4 +1,4 @@
-"""Things in a room: closed parts with materials, and the flat tops that other things can stand on."""
+"""Models of objects: parts with materials, and the flat tops that other objects can stand on."""
 
 from dataclasses import dataclass, replace
 
@@ -14,12 +14,12 @@ from goc.synth.shapes import PartMesh
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ModelPart:
-    """One closed solid of one material."""
+    """One triangle mesh of one material; closed, unless it is scanned."""
 
     mesh: PartMesh
     material: Material
     texture: Float[np.ndarray, "v 3"]
-    """Where each vertex lies in the frame of its material, metres: it stays when the part is moved."""
+    """Coordinates of each vertex in the frame of its material, metres; unchanged when the part is moved."""
     smooth: bool = True
     """Shade across edges that are nearly flat, as on turned or upholstered things."""
     scanned: bool = False
@@ -28,7 +28,7 @@ class ModelPart:
 
 @dataclass(frozen=True, kw_only=True)
 class Top:
-    """A flat rectangle that things can stand on."""
+    """A flat horizontal rectangle that other objects can stand on, metres."""
 
     x: float
     y: float
@@ -41,7 +41,7 @@ class Top:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Model:
-    """A thing: closed parts, in its own frame (base on z = 0, front towards -y) or in the world."""
+    """An object: its parts, in its own frame (base on z = 0, front towards -y) or in the world, metres."""
 
     name: str
     parts: tuple[ModelPart, ...]
@@ -65,7 +65,7 @@ class Model:
 
 
 def make_part(mesh: PartMesh, material: Material, variant: int = 0, smooth: bool = True) -> ModelPart:
-    """A solid made of a material; `variant` shifts the pattern, so that two boards are not twins."""
+    """A mesh made of a material; `variant` shifts the pattern, so that equal boards do not look the same."""
     shift = variant * np.array([1.37, 2.11, 1.73])
     return ModelPart(mesh=mesh, material=material, texture=mesh.vertices + shift, smooth=smooth)
 

@@ -1,4 +1,4 @@
-"""Smooth pseudo-random fields in space, the same for the same seed: what makes procedural surfaces look grown."""
+"""Smooth pseudo-random fields in space for procedural textures; the same in every run."""
 
 from functools import lru_cache
 

@@ -21,7 +21,7 @@ _OFFSETS = [(0.386, 0.104), (-0.283, 0.283), (-0.104, -0.386)]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedView:
-    """What one camera sees."""
+    """The rendered image of one camera, with exact depth, ids and normals."""
 
     colour: UInt8[np.ndarray, "h w 3"]
     """sRGB."""
@@ -30,7 +30,7 @@ class RenderedView:
     ids: Int16[np.ndarray, "h w"]
     """0 = room, 1… = objects."""
     normals: Float[np.ndarray, "h w 3"]
-    """Of the triangles at pixel centres, camera axes, towards the camera, exact."""
+    """Normals of the triangles at pixel centres, camera axes, towards the camera, exact."""
 
 
 def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> RenderedView:
@@ -41,7 +41,7 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> RenderedView:
 
     Args:
         lit: the room; the camera stands inside.
-        camera: where from.
+        camera: the view to render.
         samples: gathering rays for each pixel, and half as many shadow rays for each light.
     """
     height, width = camera.height, camera.width
@@ -64,7 +64,7 @@ def render_view(lit: LitSurfaces, camera: Camera, samples: int) -> RenderedView:
 def _shaded(
     lit: LitSurfaces, camera: Camera, points: ShadingPoints, light: Float32[np.ndarray, "n 3"]
 ) -> Float32[np.ndarray, "n 3"]:
-    """What the camera gets from each spot under this light, in [0, 1], linear."""
+    """Linear colour in [0, 1] that the camera sees at each point under this light."""
     appearance = appearance_at(lit.surfaces, points)
     radiance = appearance.colour * light + appearance.glow / lit.exposure
     radiance += mirrored(lit, points, camera.position.double().numpy(), appearance.gloss)
@@ -74,7 +74,7 @@ def _shaded(
 def _seen(
     lit: LitSurfaces, camera: Camera, offset: tuple[float, float]
 ) -> tuple[ShadingPoints, Float[np.ndarray, "n"]]:
-    """What the rays through all pixels hit, `offset` pixels from their centres, and how deep."""
+    """Points hit by rays through all pixels, `offset` pixels from their centres, and their depth z."""
     pose = camera.world_from_cam.double().numpy()
     centre, focal = camera.centre_px.double().numpy(), camera.focal_px.double().numpy()
     x = (np.arange(camera.width) + 0.5 + offset[0] - centre[0]) / focal[0]

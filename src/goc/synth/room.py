@@ -70,7 +70,7 @@ def draw_size(rng: Rng) -> RoomSize:
 
 @dataclass(frozen=True, kw_only=True)
 class Openings:
-    """What the walls are for: 0…3 are the walls at +x, +y, -x, -y."""
+    """Which walls have the window, the door and the sofa: 0…3 are the walls at +x, +y, -x, -y."""
 
     window: Panel
     door: Panel
@@ -116,7 +116,7 @@ def _furnish(rng: Rng, style: Style, size: RoomSize, openings: Openings, count: 
 
 
 def before_door(door: Panel, size: RoomSize) -> UprightBox:
-    """The floor that a door needs."""
+    """The box of floor in front of a door that must stay free."""
     half = size.half[door.side % 2]
     sign = 1 if door.side < 2 else -1
     middle, depth = door.left + door.width / 2, 0.8
@@ -129,7 +129,7 @@ def before_door(door: Panel, size: RoomSize) -> UprightBox:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Placer:
-    """One method a thing: make it, and find where it belongs."""
+    """Makes and places the built-in objects, one method for each."""
 
     rng: Rng
     style: Style

@@ -1,4 +1,4 @@
-"""Materials of meshes from files. Their `texture` is not a place in space, but a place in an image, or a colour."""
+"""Materials of meshes read from files: their texture coordinates are places in an image, or colours."""
 
 from dataclasses import dataclass
 
@@ -10,7 +10,7 @@ from goc.files.colour import decode_srgb
 from goc.synth.materials import Appearance, Points
 
 GREY = (0.5, 0.5, 0.5)
-"""Linear reflectance of what has no colour."""
+"""Linear reflectance of meshes without colours."""
 # A diffuse surface that throws back more than this much light does not exist, and would wash out.
 _BRIGHTEST = 0.85
 
@@ -28,7 +28,7 @@ class ImageTexture:
 
 @dataclass(frozen=True, eq=False)
 class VertexColours:
-    """Points are the linear colours themselves, which lie between those of the corners."""
+    """Colours at the vertices: texture coordinates are linear colours, interpolated between the corners."""
 
     def appearance(self, points: Points) -> Appearance:
         """The points, as colours."""

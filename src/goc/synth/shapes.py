@@ -1,4 +1,4 @@
-"""Closed meshes that furniture is made of. Metres, z up; a shape stands on z = 0 with its axis on x = y = 0."""
+"""Closed meshes that models are built from. Metres, z up; a shape stands on z = 0 with its axis on x = y = 0."""
 
 from dataclasses import dataclass
 
@@ -8,21 +8,21 @@ from jaxtyping import Float, Int
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PartMesh:
-    """A closed triangle mesh: every edge on exactly two faces, counter-clockwise seen from outside."""
+    """Triangle mesh of one part, metres. Those made here are closed: every edge on two faces, fronts outside."""
 
     vertices: Float[np.ndarray, "v 3"]
     faces: Int[np.ndarray, "t 3"]
 
     def moved(self, x: float | int = 0, y: float | int = 0, z: float | int = 0) -> "PartMesh":
-        """The solid, shifted."""
+        """The mesh, shifted."""
         return PartMesh(vertices=self.vertices + np.array([x, y, z]), faces=self.faces)
 
     def turned(self, axis: str, angle: float) -> "PartMesh":
-        """The solid, rotated about a coordinate axis through the origin, radians, right-handed."""
+        """The mesh, rotated about a coordinate axis through the origin, radians, right-handed."""
         return PartMesh(vertices=self.vertices @ rotation(axis, angle).T, faces=self.faces)
 
     def bent(self, displacement: Float[np.ndarray, "v 3"]) -> "PartMesh":
-        """The solid with each vertex displaced."""
+        """The mesh with each vertex displaced."""
         return PartMesh(vertices=self.vertices + displacement, faces=self.faces)
 
 

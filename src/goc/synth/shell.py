@@ -1,4 +1,4 @@
-"""The room itself: floor, walls, ceiling, and what is painted on them (window, door, pictures, rug, skirting)."""
+"""The empty room: floor, walls and ceiling, with panels on them (window, door, pictures, rug, ceiling lamp)."""
 
 from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
@@ -19,7 +19,7 @@ FLOOR, CEILING = 4, 5
 
 @runtime_checkable
 class Art(Protocol):
-    """What is painted on a panel."""
+    """The picture on a panel: reflectance and emission at each of its points."""
 
     def paint(self, flat: Float[np.ndarray, "p 2"]) -> tuple[Colours, Colours]:
         """Reflectance and glow, metres from the panel's lower left corner."""
@@ -58,7 +58,7 @@ class RoomSize:
 
 @dataclass(frozen=True)
 class ShellMaterial:
-    """The material of all six sides, told apart by place."""
+    """The material of all six sides of a room, chosen by the position of the point."""
 
     size: RoomSize
     wall: Rgb
@@ -224,7 +224,7 @@ METAL_RIM = linear("8a8a88")
 
 
 def make_shell(size: RoomSize, style: Style, panels: tuple[Panel, ...], accent_side: int) -> Model:
-    """A box seen from inside."""
+    """The room as a box whose faces look inwards."""
     x, y, z = size.half[0], size.half[1], size.height
     corners = np.array([[a, b, c] for a in (-x, x) for b in (-y, y) for c in (0.0, z)])
     quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]

@@ -1,4 +1,4 @@
-"""The colours of one room, so that its things belong together."""
+"""The materials and colours that the objects of one room share."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""All surfaces of a room, ready to be hit by rays and shaded."""
+"""All surfaces of a room as one mesh, for ray casting and shading."""
 
 from dataclasses import dataclass, replace
 
@@ -17,7 +17,7 @@ CREASE = np.cos(np.radians(40.0))
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RoomSurfaces:
-    """Triangles t with what shading needs, a value for each corner."""
+    """All triangles of a room, t of them, with the attributes that shading needs."""
 
     scene: TriangleScene
     owner: Int16[np.ndarray, "t"]
@@ -28,12 +28,12 @@ class RoomSurfaces:
     normals: Float32[np.ndarray, "t 3 3"]
     """Shading normals of the corners, unit."""
     texture: Float32[np.ndarray, "t 3 3"]
-    """Corners in the frames of their materials."""
+    """Texture coordinates of the corners: positions in the frames of their materials, metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ShadingPoints:
-    """Places on surfaces, such as what a camera's rays hit: n of them."""
+    """n points on surfaces, such as those that a camera's rays hit, with the attributes that shading needs."""
 
     positions: Float[np.ndarray, "n 3"]
     normals: Float[np.ndarray, "n 3"]
@@ -87,7 +87,7 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> RoomSurfaces:
 def visible_points(
     surfaces: RoomSurfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"], rays: Float[np.ndarray, "n 3"]
 ) -> ShadingPoints:
-    """What rays hit, and where. The normals face whoever sees: sheets of scanned things are seen from both sides."""
+    """Points that rays hit, with normals turned towards the viewer, as open sheets are visible from both sides."""
     points = points_at_hits(surfaces, hits, positions)
     back = dot(points.face_normals, rays) > 0
     if not back.any():
@@ -97,7 +97,7 @@ def visible_points(
 
 
 def points_at_hits(surfaces: RoomSurfaces, hits: RayHits, positions: Float[np.ndarray, "n 3"]) -> ShadingPoints:
-    """What rays hit, and where; every ray must have hit something, as rays inside a closed room do."""
+    """Points that rays hit; every ray must have hit something, as rays inside a closed room do."""
     weights = hits.barycentrics.astype(np.float32)
     triangle = hits.triangle
     return ShadingPoints(
@@ -120,7 +120,7 @@ def triangle_centres(surfaces: RoomSurfaces) -> ShadingPoints:
 
 
 def appearance_at(surfaces: RoomSurfaces, points: ShadingPoints) -> Appearance:
-    """What the materials look like at each spot."""
+    """Appearance of the materials at each point."""
     count = len(points)
     colour, glow, gloss = (
         np.zeros((count, 3), np.float32),

@@ -1,4 +1,4 @@
-"""Finds where things can stand on a mesh: free, flat, upward areas."""
+"""Finds the free, flat, upward areas of a mesh on which objects can stand."""
 
 from dataclasses import dataclass
 
@@ -24,7 +24,7 @@ _MOST_TOPS = 6
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Columns:
-    """What vertical rays on a grid meet: k layers."""
+    """Surfaces that vertical rays on a grid (i, j) hit, from the top down: k layers."""
 
     x: Float[np.ndarray, "i"]
     y: Float[np.ndarray, "j"]

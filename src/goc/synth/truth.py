@@ -1,4 +1,4 @@
-"""Samples of the true surfaces, in the layout that goc.evaluation judges by."""
+"""Samples of the true surfaces, in the layout that goc.evaluation scores against."""
 
 from dataclasses import replace
 
@@ -17,7 +17,7 @@ SEEN_SAMPLES = 250_000
 _POOL = 450_000
 """Candidates for them, on all surfaces."""
 _SKIN_OFFSET = 1e-4
-"""Metres above a part's surface at which it is looked whether another part covers it."""
+"""Metres above a part's surface at which is tested whether another part covers it."""
 
 Samples = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]
 """Points and unit normals."""
@@ -26,7 +26,7 @@ Samples = tuple[Float[np.ndarray, "n 3"], Float[np.ndarray, "n 3"]]
 def true_samples(
     room: FurnishedRoom, scene: TriangleScene, cameras: tuple[Camera, ...], seed: int
 ) -> dict[str, Float32[np.ndarray, "..."]]:
-    """What is compared with a reconstruction.
+    """Sample the true surfaces that a reconstruction is compared with.
 
     Returns:
         `p<id>`, `n<id>`: 30,000 area-uniform points of each object's outer skin and their normals; where parts of an

@@ -1,4 +1,4 @@
-"""What `goc osc eval` compares: ways to complete an object, each through the composition that `goc carve` uses."""
+"""The methods that `goc osc eval` compares; all but `network alone` compose as `goc carve` does."""
 
 import math
 import time
@@ -43,19 +43,20 @@ _POISSON_POINTS = 30_000
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Completion:
-    """What one method made of one object, in the frame of its cube."""
+    """One method's completion of one object, in the frame of its cube."""
 
     mesh: Mesh
     distance: Grid
-    """Whose zero level the mesh is (of `nothing`, the border of the measured band): voxels, positive outside."""
+    """Signed distance in voxels, positive outside. The mesh is its zero level, except for the method `nothing`, where
+    that is the border of the measured band."""
     origin: Float[np.ndarray, "3"]
-    """Where distance[0, 0, 0] is."""
+    """Position of distance[0, 0, 0], frame of the cube."""
     voxel: float
     seconds: float
     """From evidence to mesh."""
 
     def inside(self, points: Float32[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
-        """Which points it fills: trilinear between voxels, nothing beyond the grid."""
+        """Which points lie inside: the distance interpolated trilinearly, outside beyond the grid."""
         at = ((points - self.origin) / self.voxel).T
         return ndimage.map_coordinates(self.distance, at, order=1, mode="constant", cval=BAND) < 0
 
@@ -84,7 +85,7 @@ def measured_object(masked: MaskedObject) -> Measured | None:
 def completions(
     found: Measured, masked: MaskedObject, network: Completer | None, threshold: float
 ) -> Iterator[tuple[str, Completion]]:
-    """Every method's answer for one object, by name; the last knows the truth and bounds what any could reach."""
+    """Completions of one object by name of method. The last is given the truth: a bound for what any could reach."""
     yield "nothing", replace(_composed(found, _nothing), mesh=found.mesh, seconds=0.0)
     yield "convex hull", _composed(found, _convex)
     yield POISSON, _composed(found, _poisson)
@@ -108,7 +109,7 @@ def _composed(found: Measured, fill: Callable[[Measured], Grid | None]) -> Compl
 
 
 def _alone(found: Measured, network: Completer, threshold: float) -> Completion:
-    """What a network says, in its whole cube, whatever was measured."""
+    """A network's answer in its whole cube, without regard to what was measured."""
     started = time.perf_counter()
     points = found.mesh.vertices
     cube = bounding_cube(points)
@@ -124,7 +125,7 @@ def _alone(found: Measured, network: Completer, threshold: float) -> Completion:
 
 
 def _nothing(found: Measured) -> Grid:
-    """What was not seen is not there."""
+    """Fill nothing: outside wherever no surface was measured."""
     return np.full(with_margin(found.evidence).state.shape, np.float32(BAND))
 
 

@@ -15,7 +15,7 @@ Size = Literal["lite", "S", "M", "L", "L164"]
 
 @dataclass(frozen=True, kw_only=True)
 class OptimiserConfig(Settings):
-    """AdamW, warm-up, linear decay to nothing at the end of the budget."""
+    """AdamW with warm-up and linear decay of the learning rate to 0 at the end of the budget."""
 
     rate: Positive = 1e-3
     """Learning rate after warm-up. The paper's 1e-4 suits its own sizes."""
@@ -26,14 +26,14 @@ class OptimiserConfig(Settings):
     clip: Positive = 1.0
     """Largest norm of the gradient."""
     ema_decay: Annotated[float, Range(least=0, below=1)] = 0.999
-    """Share of the old weights in the running mean that is used in the end; less in the first steps."""
+    """Decay of the exponential moving average of the weights, which is what gets saved; lower in the first steps."""
     bf16: bool = True
     """Multiply in bfloat16: twice as fast on CPUs that can (measured), and on GPUs."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainConfig(Settings):
-    """What is trained, on what, for how long."""
+    """What to train, on which shapes, and for how long."""
 
     size: Size = "lite"
     """Network: lite, or a size of the paper's model."""
@@ -48,9 +48,9 @@ class TrainConfig(Settings):
     save_every: Amount = 60.0
     """Seconds between checkpoints."""
     validate_every: Count = 500
-    """Steps between pictures and scores on fixed held-out masks."""
+    """Steps between validations on fixed shapes that are not trained on."""
     seed: Seed = 0
-    """Of weights, shapes, masks and samples."""
+    """Seed of weights, shapes, masks and samples."""
     loader: LoaderConfig = field(default_factory=LoaderConfig)
     masking: MaskConfig = field(default_factory=MaskConfig)
     losses: LossConfig = field(default_factory=LossConfig)

@@ -1,4 +1,4 @@
-"""A sheet of completions for a person to look at: seen, completed, true, a line a case."""
+"""A contact sheet of completions: one row a case, with what was seen, each method's completion, and the truth."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,7 +19,7 @@ _SEEN, _MADE, _TRUE = (0.65, 0.8, 0.65), (0.75, 0.8, 0.9), (0.85, 0.85, 0.85)
 
 
 class ContactSheet:
-    """Lines of pictures of one size, with a head for each column and a caption for each line."""
+    """Rows of pictures of one size, with a title for each column and a caption for each row."""
 
     def __init__(self) -> None:
         """Begin an empty sheet."""

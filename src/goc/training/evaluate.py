@@ -1,4 +1,4 @@
-"""`goc osc eval`: completions of held-out meshes, from all of the surface and from parts, beside the untrained."""
+"""`goc osc eval`: scores completions of validation meshes by a network, and by baselines that need no training."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
@@ -23,7 +23,7 @@ from goc.training.validation import occupancy_score
 from goc.training.watertight_shape import WatertightShape
 
 GROUPS = {"complete": (7, 99), "1-3 views": (1, 3), "4-6 views": (4, 6), "room": (7, 99)}
-"""Kinds of input, and how many views each may have."""
+"""Kinds of input, with the least and the greatest number of views of each."""
 SAMPLES = 30_000
 _NEAR, _WIDE = 0.01, 0.02
 """Thresholds of F, in longest sides of the true box."""
@@ -38,9 +38,9 @@ class EvalConfig(Settings):
     """How completions are scored."""
 
     masks: Count = 4
-    """Masks of each shape: seen all round with exact depth, in 1-3 views, in 4-6, as in a scanned room; in rounds."""
+    """Masks of each shape, taken in turn from: complete with exact depth, 1-3 views, 4-6 views, a scanned room."""
     shapes: Count | None = None
-    """Only so many shapes, evenly chosen; all by default."""
+    """Number of shapes to score, spread evenly over the split; default: all."""
     cells: Annotated[int, Range(least=8, most=512)] = 96
     """Cells along each side of the cube, at whose centres IoU is counted."""
     threshold: OpenShare = 0.5
@@ -48,15 +48,15 @@ class EvalConfig(Settings):
     noise: Amount = 1.0
     """Strength of depth noise where views are few, or a room's: as in training."""
     seed: Seed = 0
-    """Of the masks."""
+    """Seed of the masks."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompletionScore:
-    """One completion against the truth. Lengths in longest sides of the true box."""
+    """Scores of one completion. Lengths are in units of the longest side of the true box."""
 
     iou: float
-    """Over the cells of the cube, uniform."""
+    """Volume in both over volume in either, counted at the centres of the cells of the cube."""
     accuracy: float
     completion: float
     chamfer_mean: float
@@ -71,17 +71,17 @@ class CompletionScore:
     watertight: float
     """1 if the mesh is, 0 if not."""
     unknown_accuracy: float
-    """Share of the cells of the true box that evidence left undecided and that are called rightly."""
+    """Of the cells of the true box that the evidence leaves undecided, the share that is called rightly."""
     seconds: float
     """From evidence to mesh."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ObjectTruth:
-    """The truth about one mask, in the frame of its cube."""
+    """Ground truth of one masked object, in the frame of its cube ([-1, 1]³)."""
 
     centres: Float32[np.ndarray, "p 3"]
-    """Of the cells of the cube."""
+    """Centres of the cells of the cube."""
     inside: Bool[np.ndarray, "p"]
     undecided: Bool[np.ndarray, "p"]
     """Cells in the true box that evidence leaves undecided."""
@@ -92,7 +92,7 @@ class ObjectTruth:
 
 @dataclass(frozen=True, kw_only=True)
 class MethodScore:
-    """One method on one mask."""
+    """The scores of one method on one masked object."""
 
     shape: str
     group: str
@@ -109,13 +109,13 @@ class MeanScores:
     method: str
     count: int
     empty: int
-    """Masks of which nothing was made at all: left out of accuracy, completion and CD, counted as 0 in the rest."""
+    """Masks for which the method made no surface: left out of accuracy, completion and CD, counted as 0 in the rest."""
     scores: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
 class CompletionReport:
-    """All that an evaluation found."""
+    """The result of `goc osc eval`."""
 
     config: EvalConfig
     shapes: int
@@ -136,10 +136,10 @@ def evaluate(
 
     Args:
         data: what `goc osc prepare` wrote.
-        network: None scores what needs no training alone.
-        config: masks and grid.
+        network: None: score only the baselines that need no training.
+        config: number and kinds of masks, and the grid that IoU is counted on.
         notify: hears progress.
-        pictures: PNG for some cases, seen, completed and true; None: none.
+        pictures: PNG that shows some cases as seen, completed and true; None: it is not written.
 
     Raises:
         TrainError: no shapes of split val.
@@ -157,8 +157,8 @@ def evaluate(
             floors.append(surface_scores(true_surface_samples(masked, 2), target.surface).chamfer / target.longest)
             made = dict(completions(seen, masked, network, config.threshold))
             found += [
-                MethodScore(shape=name, group=group, views=masked.views, method=method, score=score(closed, target))
-                for method, closed in made.items()
+                MethodScore(shape=name, group=group, views=masked.views, method=method, score=score(completed, target))
+                for method, completed in made.items()
             ]
             if pictures is not None and index in pictured:
                 contact_sheet.add(f"{name}, {group}", seen, made, masked)
@@ -214,11 +214,11 @@ def true_surface_samples(masked: MaskedObject, seed: int) -> SurfaceSamples:
     return SurfaceSamples(points=masked.cube.model_from_world(points).astype(np.float64), normals=normals)
 
 
-def score(closed: Completion, target: ObjectTruth) -> CompletionScore:
-    """One method's answer against the truth."""
+def score(completed: Completion, target: ObjectTruth) -> CompletionScore:
+    """Score the completion of one method against the truth."""
     longest = target.longest
-    occupancy = occupancy_score(closed.inside(target.centres), target.inside, target.undecided)
-    samples = sample_surface(closed.mesh, SAMPLES) if len(closed.mesh.faces) else None
+    occupancy = occupancy_score(completed.inside(target.centres), target.inside, target.undecided)
+    samples = sample_surface(completed.mesh, SAMPLES) if len(completed.mesh.faces) else None
     surface = surface_scores(samples, target.surface, thresholds=(_NEAR * longest, _WIDE * longest))
     f_1, f_2 = surface.f_score.values()
     return CompletionScore(
@@ -230,9 +230,9 @@ def score(closed: Completion, target: ObjectTruth) -> CompletionScore:
         f_1=f_1,
         f_2=f_2,
         normal_consistency=surface.normal_consistency,
-        watertight=float(is_watertight(closed.mesh)),
+        watertight=float(is_watertight(completed.mesh)),
         unknown_accuracy=occupancy.unknown_accuracy,
-        seconds=closed.seconds,
+        seconds=completed.seconds,
     )
 
 

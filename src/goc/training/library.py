@@ -15,7 +15,7 @@ from goc.training.watertight_shape import BAND, WatertightShape
 
 MANIFEST = "manifest.json"
 STEPS = 127.0 / BAND
-"""Stored steps a voxel of signed distance: int8 spans the band."""
+"""Steps of the stored int8 per voxel of signed distance: 127 is the edge of the band."""
 
 
 class PreparedShape(msgspec.Struct, kw_only=True, frozen=True):
@@ -25,7 +25,7 @@ class PreparedShape(msgspec.Struct, kw_only=True, frozen=True):
     split: Literal["train", "val"]
     shard: str
     how: Literal["closed", "carved"]
-    """closed: the mesh was closed, its sign is exact. carved: the sign is what virtual views say."""
+    """closed: the mesh was closed, so the sign is exact. carved: inside is what no virtual view sees through."""
     origin: tuple[float, float, float]
     voxel: float
     seconds: float = 0.0
@@ -82,5 +82,5 @@ class ShapeLibrary:
 
 @lru_cache(maxsize=4)
 def open_library(folder: Path, split: Literal["train", "val"]) -> ShapeLibrary:
-    """A library, opened once a process."""
+    """The library of one split, cached so that a process opens it once."""
     return ShapeLibrary(folder, split)

@@ -1,4 +1,4 @@
-"""Batches made beside the training: by worker processes, in the order of the steps."""
+"""Training batches, made ahead by worker processes and delivered in the order of the steps."""
 
 import signal
 from collections.abc import Iterator
@@ -23,25 +23,25 @@ _EVER = 10**9
 
 @dataclass(frozen=True, kw_only=True)
 class BatchRecipe:
-    """All that a batch depends on, besides its number."""
+    """Everything that determines a batch, besides its number."""
 
     loader: LoaderConfig
     masking: MaskConfig
     cells: int
-    """Of the evidence grid that the network takes."""
+    """Cells along each side of the evidence grid that the network takes."""
     data: Path | None
     """Prepared shapes; None: procedural ones alone."""
     seed: int
 
     def draw(self, random: np.random.Generator) -> WatertightShape:
-        """A prepared or a procedural shape."""
+        """Draw a prepared shape, or a procedural one."""
         if self.data is not None and random.random() < self.loader.prepared_share:
             library = open_library(self.data, "train")
             return library[int(random.integers(len(library)))]
         return random_shape(random, self.loader.resolution)
 
     def pool(self, number: int) -> TrainingBatch:
-        """Masks for `reuse`² batches; the same in every run."""
+        """Masked objects for `reuse`² batches; pool `number` is the same in every run."""
         times = self.loader.reuse
         loader = replace(self.loader, batch=self.loader.batch * times, queries=self.loader.queries * times)
         return make_batch(self.draw, loader, self.masking, self.cells, (self.seed, number))
@@ -52,7 +52,7 @@ class BatchRecipe:
 
 
 class _Pools(Dataset[TrainingBatch]):
-    """Numbered pools, for torch's workers."""
+    """Pools by their number, as a dataset for torch's DataLoader."""
 
     def __init__(self, recipe: BatchRecipe) -> None:
         self.recipe = recipe
@@ -90,13 +90,13 @@ def _pools(recipe: BatchRecipe, numbers: range, workers: int) -> Iterator[Traini
         num_workers=workers,
         prefetch_factor=2,
         multiprocessing_context="spawn",  # the kernels' threads do not survive a fork
-        worker_init_fn=_alone,
+        worker_init_fn=_init_worker,
     )
     yield from loader
 
 
-def _alone(worker: int) -> None:
-    """A worker uses one core: there are others. Ctrl-C is for the trainer, which ends its workers itself."""
+def _init_worker(worker: int) -> None:
+    """Set up a worker: one thread, as others use the other cores, and no Ctrl-C, as the trainer ends its workers."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     _native.set_thread_count(1)

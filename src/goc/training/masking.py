@@ -1,6 +1,6 @@
-"""What cameras leave of an object: the paper's visible mask, with the evidence that the same cameras give.
+"""Partial observations of training shapes: the paper's visible mask, and the evidence that the same cameras give.
 
-Depth is ray-cast, noisy as splats and sensors spoil it, and fused by the code that fuses real captures.
+Depth is ray-cast, degraded as splats and sensors degrade it, and fused by the code that fuses real captures.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class MaskConfig(Settings):
     points: CountOrNone = 0
     """Points of the seen surface to keep; 0 where the network takes evidence alone."""
     jitter: Annotated[float, Range(least=0, below=1)] = 0.04
-    """How far the cube is moved and stretched against the rule, in its sides."""
+    """How far the cube is shifted and scaled from where the rule puts it, in units of its side."""
 
     def __post_init__(self) -> None:
         """Refuse shares that are more than the whole."""
@@ -64,15 +64,17 @@ class MaskConfig(Settings):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class VirtualView:
-    """One depth image, taken."""
+    """One depth image, rendered by a virtual camera."""
 
     at: Viewpoint
     depth: Float32[np.ndarray, "h w"]
+    """z along the optical axis, world units; NaN where there is none."""
     slope: Float32[np.ndarray, "h w"]
+    """Cosine between ray and surface normal; NaN where the depth is not trusted."""
     ids: Int16[np.ndarray, "h w"]
 
     def for_fusion(self) -> DepthView:
-        """As fusion takes it."""
+        """The view as the fusion engine takes it."""
         return DepthView(
             depth=self.depth,
             slope=self.slope,
@@ -85,7 +87,7 @@ class VirtualView:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MaskedObject:
-    """An object, what is known of it, and the cube that both are in."""
+    """A placed shape, what the cameras tell of it, and the cube that both are normalised by."""
 
     placed: PlacedShape
     cube: Cube
@@ -95,7 +97,7 @@ class MaskedObject:
 
 
 def mask(solid: WatertightShape, config: MaskConfig, random: Random) -> MaskedObject | None:
-    """Put a solid somewhere, look at it, and keep what was seen; None where next to nothing was."""
+    """Place a shape at random, render it, and keep what was seen; None where fewer than 60 pixels hit it."""
     placed, yaw = random_placement(solid, random)
     regime, count = _regime(config, random)
     if config.strategy != "visible":
@@ -126,7 +128,7 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
 
 
 def render_view(placed: PlacedShape, around: Surroundings, at: Viewpoint) -> VirtualView:
-    """An exact depth image with ids; a ray that meets nothing ends far away, and says that all before is empty."""
+    """Render exact depth and ids. A ray that hits nothing gets a far depth, so that the space along it is empty."""
     origins, directions = at.rays()
     hits, normals = placed.closest_hit(origins, directions)
     length = np.linalg.norm(directions, axis=-1)
@@ -150,10 +152,10 @@ def render_view(placed: PlacedShape, around: Surroundings, at: Viewpoint) -> Vir
 def add_depth_noise(
     views: list[VirtualView], placed: PlacedShape, strength: float, random: Random
 ) -> list[VirtualView]:
-    """Depth as splats and sensors give it.
+    """Degrade exact depth to what splats and sensors give.
 
-    A bias that is the same for all views, since splats lie somewhere; a small one a view; noise a pixel; flying pixels
-    and wrong ids at silhouettes; holes.
+    Adds a smooth bias that all views share (splats lie off the surface), a small offset for each view, noise for each
+    pixel, flying pixels and wrong ids at silhouettes, and holes. `strength` scales all of them.
     """
     if strength <= 0 or random.random() < 0.15:
         return views
@@ -252,7 +254,7 @@ def _seen_surface(
 
 
 def visible(points: Float64[np.ndarray, "p 3"], view: VirtualView) -> Bool[np.ndarray, "p"]:
-    """Which points lie in the image and not behind what it shows there, by more than the slant of a pixel explains."""
+    """Which points a view sees: inside its image, and at most two pixels' width behind the object's depth there."""
     pixels, depth = view.at.project(points)
     column, row = np.floor(pixels).astype(np.int64).T
     size = view.at.size

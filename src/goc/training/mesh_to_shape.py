@@ -1,4 +1,4 @@
-"""Signed distance of any mesh on a grid: exact where the mesh is closed, else with the sign that views give."""
+"""Turns any mesh into a watertight shape: the sign is exact where the mesh is closed, else virtual views give it."""
 
 from dataclasses import dataclass
 
@@ -17,9 +17,9 @@ from goc.training.watertight_shape import BAND, WatertightShape
 
 _VIEWS, _VIEW_PX = 60, 200
 _SAMPLES = 60_000
-"""Places where the thickness of a mesh is looked at."""
+"""Surface samples at which the thickness of a mesh is measured."""
 _HALF_SHEET = 0.6
-"""Half the thickness that single sheets and thinner walls are given, voxels: less would fall through the grid."""
+"""Half the thickness, in voxels, that single sheets and thinner walls are given: a grid cannot hold less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -1,4 +1,4 @@
-"""A solid put into a world: turned, stretched, mirrored, standing on the ground."""
+"""A training shape placed in a world: rotated, stretched, mirrored, standing on the ground."""
 
 from dataclasses import dataclass
 
@@ -14,20 +14,20 @@ Random = np.random.Generator
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PlacedShape:
-    """A solid in the world: world = matrix · solid + shift."""
+    """A shape in the world: world point = matrix · shape point + shift."""
 
     shape: WatertightShape
     matrix: Float64[np.ndarray, "3 3"]
-    """Turn, stretch and mirror; any invertible matrix."""
+    """Rotation, stretch and mirroring: any invertible matrix."""
     shift: Float64[np.ndarray, "3"]
 
     def box(self) -> tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]]:
-        """Corners of the box round the solid, world axes."""
+        """Least and greatest corner of the shape's bounding box, world axes."""
         vertices = self.shape.mesh.vertices @ self.matrix.T + self.shift
         return vertices.min(0), vertices.max(0)
 
     def distances(self, points: Float[np.ndarray, "p 3"]) -> Float32[np.ndarray, "p"]:
-        """Signed distance in the world: exact in sign, first order near the surface where the solid is stretched."""
+        """Signed distance in the world: exact in sign, first order near the surface where the shape is stretched."""
         back = np.linalg.inv(self.matrix)
         local = (points - self.shift) @ back.T
         found = self.shape.distances(local)
@@ -64,9 +64,9 @@ class PlacedShape:
 
 
 def random_placement(solid: WatertightShape, random: Random) -> tuple[PlacedShape, float]:
-    """Any yaw, stretched by up to a quarter, mirrored or not, mostly upright; and the yaw that was taken.
+    """Place a shape at random: any yaw, stretched by up to a quarter, mirrored or not; and the yaw, radians.
 
-    One in ten is turned any way: captures without gravity, things lying about.
+    Most stand upright. One in ten is rotated freely, as in captures without gravity, or as things that lie about.
     """
     yaw = random.uniform(0, 2 * np.pi)
     turn = Rotation.from_euler("z", yaw)

@@ -1,4 +1,4 @@
-"""`goc osc prepare`: folders of meshes → signed distances in shards that stream, whatever the meshes are like."""
+"""`goc osc prepare`: turns folders of meshes of any kind into signed distance grids, stored in shards."""
 
 import csv
 import multiprocessing
@@ -149,7 +149,7 @@ def _worked(sources: list[MeshSource], config: PrepareConfig) -> Iterator[tuple[
 
 
 class _Worker:
-    """A process that prepares one mesh after the other, and may be given up on."""
+    """A process that prepares one mesh after the other, and is killed where a mesh takes too long."""
 
     def __init__(self, context: multiprocessing.context.SpawnContext, config: PrepareConfig) -> None:
         self._pipe, theirs = context.Pipe()
@@ -161,12 +161,12 @@ class _Worker:
         self._since = 0.0
 
     def begin(self, source: MeshSource) -> None:
-        """Hand a mesh over."""
+        """Send a mesh to the process."""
         self.source, self._since = source, time.monotonic()
         self._pipe.send(source)
 
     def result(self, limit: float) -> tuple[MeshSource, "_Made | str", float] | None:
-        """What became of the mesh; None while it is worked on."""
+        """The mesh with its shape, or with the reason why there is none, and seconds; None while it is worked on."""
         source, seconds = self.source, time.monotonic() - self._since
         assert source is not None
         if self._pipe.poll():
@@ -192,7 +192,7 @@ class _Worker:
 
 
 def _work(pipe: Connection, cells: int) -> None:
-    """A worker's life: meshes in, shapes or reasons out."""
+    """Main loop of a worker process: receives meshes, sends back shapes, or the reason why there is none."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     _native.set_thread_count(1)

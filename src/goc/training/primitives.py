@@ -1,7 +1,7 @@
-"""Signed distances of simple bodies, exact where a closed form is; negative inside.
+"""Signed distances of geometric primitives, exact where there is a closed form; negative inside.
 
-Coordinates come as three arrays that broadcast against each other, so that a body aligned with its grid costs little:
-what depends on x alone is computed once a column.
+Coordinates come as three arrays that broadcast against each other, so that a primitive aligned with its grid costs
+little: what depends on x alone is computed once a column.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ Triple = tuple[Number, Number, Number]
 
 @runtime_checkable
 class Primitive(Protocol):
-    """Something with a signed distance, centred near the origin of its own frame."""
+    """A shape with a signed distance, centred near the origin of its own frame."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Signed distance at coordinates in the body's frame."""
@@ -72,7 +72,7 @@ class Cylinder:
     """Radius."""
     height: Number
     radius: Number = 0.0
-    """Of the rims."""
+    """Radius of the rounded rims."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Exact."""
@@ -109,7 +109,7 @@ class Prism:
     outline: Float[np.ndarray, "k 2"]
     height: Number
     radius: Number = 0.0
-    """By which it is grown, all edges round."""
+    """Distance by which the prism is grown, which rounds its edges."""
 
     def distance(self, x: Field, y: Field, z: Field) -> Field:
         """Exact."""
@@ -147,7 +147,7 @@ class Lathe:
 
 @dataclass(frozen=True, eq=False)
 class Shrunk:
-    """Another body, its surface moved inwards: cut from the body itself, it leaves a wall of even thickness."""
+    """Another primitive, its surface moved inwards by `by`: subtracted from the primitive, it leaves an even wall."""
 
     body: Primitive
     by: Number

@@ -1,4 +1,4 @@
-"""Endless training shapes without any data: CSG of primitives, extrusions, lathes, shells, furniture."""
+"""Procedural training shapes, which need no data: CSG of primitives, extrusions, lathes, shells, furniture."""
 
 import numpy as np
 from jaxtyping import Float
@@ -11,11 +11,11 @@ from goc.training.watertight_shape import CsgPart, WatertightShape, shape_from_p
 Random = np.random.Generator
 
 THINNEST = 0.018
-"""No wall is thinner, in longest sides: the grid could not hold it."""
+"""Least thickness of walls, in longest sides of the shape: a grid cannot hold thinner ones."""
 
 
 def random_shape(random: Random, cells: int = 96) -> WatertightShape:
-    """A shape that nobody drew, longest side `cells` voxels; the same for the same state of `random`."""
+    """A random shape whose longest side is `cells` voxels; the same for the same state of `random`."""
     while True:
         kind = random.choice(len(_KINDS), p=_SHARES)
         solid = shape_from_parts(_KINDS[kind](random), cells)

@@ -1,7 +1,7 @@
-"""Masks used more than once: a pool is dealt into many batches, turned and mirrored differently each time.
+"""Uses each mask several times: a pool of masked objects is split into batches, in another pose each time.
 
-A mask costs several training steps to make. Gravity leaves eight symmetries (quarter turns, each mirrored or not) under
-which a masked object is another masked object; each use also asks at points of its own.
+To make a mask takes as long as several training steps. Under the eight symmetries that gravity leaves (quarter turns,
+each mirrored or not) a masked object becomes another plausible one; each use also has query points of its own.
 """
 
 from collections.abc import Iterator, Sequence

@@ -1,4 +1,4 @@
-"""Training batches: shapes, what is seen of them, and points where the network is asked."""
+"""Training batches: masked objects, and query points with their true signed distance."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -16,12 +16,12 @@ from goc.training.watertight_shape import WatertightShape
 
 Random = np.random.Generator
 Draw = Callable[[Random], WatertightShape]
-"""Gives a shape, the same for the same state of the random numbers."""
+"""Draws a shape; the same generator state gives the same shape."""
 
 _NEAR = (0.01, 0.05)
 """Standard deviations of the queries round the true surface, model units."""
 _KNOWN_EMPTY = 0.15
-"""Share of queries kept in cells that rays passed: what is known needs little teaching."""
+"""Share of uniform queries kept in cells that rays passed: space known to be empty needs few."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -31,14 +31,14 @@ class LoaderConfig(Settings):
     batch: Count = 8
     """Objects a step and process."""
     masks: Count = 2
-    """Masks of each shape: shapes are dearer to make than to look at."""
+    """Masks of each shape: to make a shape takes longer than to mask it."""
     reuse: Annotated[int, Range(least=1, most=8)] = 4
     """Batches that each mask takes part in, every time in another of the eight poses that gravity leaves: a mask
     costs several steps."""
     queries: Count = 4096
-    """Points a network is asked at, for each object, each time."""
+    """Query points of each object in each batch."""
     near: Share = 0.5
-    """Share of queries near the true surface; the others are uniform where something is to be decided."""
+    """Share of queries near the true surface; the others are uniform, mostly where the evidence decides nothing."""
     prepared_share: Share = 0.4
     """Share of prepared meshes, where there are any; the others are procedural."""
     resolution: Annotated[int, Range(least=8, most=1024)] = 96

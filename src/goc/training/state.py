@@ -1,4 +1,4 @@
-"""What training changes, and how it is kept on disk: weights, their running mean, Adam's moments, step, time."""
+"""The mutable state of a training and its file: weights, their moving average, Adam's moments, step, time."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,7 +15,7 @@ _MOMENTS = ("exp_avg", "exp_avg_sq")
 
 @dataclass(eq=False)
 class TrainState:
-    """Mutable; lives inside one training."""
+    """All that changes from step to step; mutable, used inside one training only."""
 
     network: Network
     optimiser: torch.optim.AdamW

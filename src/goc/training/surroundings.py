@@ -1,4 +1,4 @@
-"""What stands round an object and hides parts of it: floor, walls, a table under it, other things."""
+"""Occluders around a training shape: floor, walls, a table under it, boxes beside it."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ Random = np.random.Generator
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Surroundings:
-    """Everything but the object, and where cameras cannot be."""
+    """The scene around a shape, and where cameras may stand in it."""
 
     scene: TriangleScene | None
     """None: the object floats in nothing."""
@@ -29,7 +29,7 @@ class Surroundings:
 
 
 def no_surroundings() -> Surroundings:
-    """An object alone, to be seen from everywhere."""
+    """No occluders: a shape alone, visible from everywhere."""
     return Surroundings(scene=None, walls=np.zeros((0, 4)), lowest=-np.inf)
 
 

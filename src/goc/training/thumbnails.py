@@ -7,7 +7,7 @@ from goc.geometry.raycast import TriangleScene
 from goc.scene import Mesh
 
 _TOWARDS = np.array([-0.55, -0.75, 0.5])
-"""From the shape to the eye, before it is made unit."""
+"""Direction from the shape to the eye, of any length."""
 _BLANK = 245
 _HALF = 1.05
 """Half the width of the picture, model units."""

@@ -14,7 +14,7 @@ CURVES = "curves.jsonl"
 
 
 class Tracker:
-    """Where a training writes what a person may look at."""
+    """Writes the curves and pictures of one training: JSON lines, PNG files, and TensorBoard events."""
 
     def __init__(self, folder: Path, notify: Listener = ignore) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -22,7 +22,7 @@ class Tracker:
         self._writer = _writer(folder, notify)
 
     def scalars(self, step: int, values: dict[str, float]) -> None:
-        """Add a point to each curve."""
+        """Append the value of each named curve at a step."""
         line = msgspec.json.encode({"step": step} | {name: round(value, 6) for name, value in values.items()})
         with (self._folder / CURVES).open("ab") as file:
             file.write(line + b"\n")
@@ -37,7 +37,7 @@ class Tracker:
             self._writer.add_image(name, picture, step, dataformats="HWC")
 
     def close(self) -> None:
-        """Write what is buffered."""
+        """Flush TensorBoard's buffers; nothing can be added afterwards."""
         if self._writer is not None:
             self._writer.close()
 

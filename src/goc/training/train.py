@@ -1,4 +1,4 @@
-"""`goc osc train`: the loop. Stops and starts anywhere, on one process or several."""
+"""`goc osc train`: the training loop, on one process or several; it can be stopped and continued at any step."""
 
 import hashlib
 import math
@@ -34,13 +34,13 @@ from goc.training.watertight_shape import WatertightShape
 
 STATE, WEIGHTS = "state.safetensors", "weights.safetensors"
 _CELLS_OF_POINTS = 8
-"""Cells of the evidence grid for networks that take points: they look at none of it."""
+"""Side of the evidence grid for networks that take points: they do not use it, so it is small."""
 _VALIDATION_SHAPES = 24
 
 
 @dataclass(frozen=True, kw_only=True)
 class ProcessGroup:
-    """Where this process stands among those that train together."""
+    """Rank of the process among those that train together, and its device."""
 
     rank: int
     world: int
@@ -64,28 +64,28 @@ def train(out: Path, config: TrainConfig, notify: Listener = ignore) -> Path:
     Raises:
         TrainError: the folder belongs to a training with other settings, or the loss is not finite.
     """
-    with _place() as place:
-        return _train(out, config, notify if place.rank == 0 else ignore, place)
+    with _process_group() as group:
+        return _train(out, config, notify if group.rank == 0 else ignore, group)
 
 
-def _train(out: Path, config: TrainConfig, notify: Listener, place: ProcessGroup) -> Path:
-    network = build(config.network(), config.seed).to(place.device)
+def _train(out: Path, config: TrainConfig, notify: Listener, group: ProcessGroup) -> Path:
+    network = build(config.network(), config.seed).to(group.device)
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
     if is_file(out / STATE):
         state = load_state(out / STATE, state, fingerprint(config))
-    model = network if place.world == 1 else DistributedDataParallel(network)
-    tracker = Tracker(out, notify) if place.rank == 0 else None
+    model = network if group.world == 1 else DistributedDataParallel(network)
+    tracker = Tracker(out, notify) if group.rank == 0 else None
     validation = _validation_cases(config) if tracker else []
-    stream = batches(recipe(config), state.step, config.workers, place.rank, place.world)
+    stream = batches(recipe(config), state.step, config.workers, group.rank, group.world)
     started, saved, before = time.monotonic(), time.monotonic(), state.seconds
     try:
         with stop_signals() as stopped:
             for batch in stream:
-                seconds, stop = _agreed(before + time.monotonic() - started, stopped.is_set(), place)
+                seconds, stop = _agreed(before + time.monotonic() - started, stopped.is_set(), group)
                 state.seconds = max(seconds, state.seconds)
                 if spent(config, state) >= 1.0 or stop:
                     break
-                figures = step(model, state, batch.to(place.device), config)
+                figures = step(model, state, batch.to(group.device), config)
                 if tracker is None:
                     continue
                 _tell(tracker, state, figures, config, notify)
@@ -110,7 +110,7 @@ def _save(out: Path, state: TrainState, config: TrainConfig) -> None:
 
 @contextmanager
 def stop_signals() -> Iterator[threading.Event]:
-    """Ctrl-C and SIGTERM ask for a stop after the step at hand, so that what is saved is whole."""
+    """Make Ctrl-C and SIGTERM set an event, so that training stops after the current step and saves a whole state."""
     asked = threading.Event()
     if threading.current_thread() is not threading.main_thread():
         yield asked  # only the main thread hears signals
@@ -125,7 +125,10 @@ def stop_signals() -> Iterator[threading.Event]:
 
 
 def fingerprint(config: TrainConfig) -> str:
-    """Names the settings that a checkpoint depends on; a budget may be raised, and what is only watched may change."""
+    """Hash of the settings that a checkpoint depends on.
+
+    Budget, learning rate, data folder, workers and reporting are left out: they may change between runs.
+    """
     slower = replace(config.optimiser, rate=1.0)
     same = replace(
         config, minutes=1.0, steps=None, workers=0, save_every=60.0, validate_every=1, data=None, optimiser=slower
@@ -134,7 +137,7 @@ def fingerprint(config: TrainConfig) -> str:
 
 
 def recipe(config: TrainConfig) -> BatchRecipe:
-    """What batches are made of."""
+    """The recipe of this training's batches: evidence and points as its network takes them."""
     network = config.network()
     if isinstance(network, LiteConfig):
         cells, points = network.cells, 0
@@ -184,7 +187,7 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
 
 
 def validate(tracker: Tracker, state: TrainState, cases: list[ValidationCase], config: TrainConfig) -> None:
-    """Score the running mean on fixed held-out masks, and picture some of them."""
+    """Score the averaged weights on the validation cases, and preview some of these."""
     device = next(state.network.parameters()).device
     network = state.averaged(build(config.network()).to(device))
     fields = [case.composed(guess_network(case, network, config.losses.threshold)) for case in cases]
@@ -201,7 +204,7 @@ def validate(tracker: Tracker, state: TrainState, cases: list[ValidationCase], c
 
 
 def _validation_cases(config: TrainConfig) -> list[ValidationCase]:
-    """Procedural shapes from a stream of random numbers of their own."""
+    """Masked procedural shapes, drawn with a seed that training does not use."""
     made = recipe(config)
 
     def draw(random: np.random.Generator) -> WatertightShape:
@@ -235,7 +238,7 @@ def _number(value: Tensor | float) -> float:
 
 
 @contextmanager
-def _place() -> Iterator[ProcessGroup]:
+def _process_group() -> Iterator[ProcessGroup]:
     """Among the processes of torchrun; alone without it."""
     world, rank = int(os.environ.get("WORLD_SIZE", "1")), int(os.environ.get("RANK", "0"))
     cuda = torch.cuda.is_available()
@@ -250,10 +253,10 @@ def _place() -> Iterator[ProcessGroup]:
         distributed.destroy_process_group()
 
 
-def _agreed(seconds: float, stop: bool, place: ProcessGroup) -> tuple[float, bool]:
+def _agreed(seconds: float, stop: bool, group: ProcessGroup) -> tuple[float, bool]:
     """The first process's clock, and whether any was asked to stop: all go on, or stop, before the same step."""
-    if place.world == 1:
+    if group.world == 1:
         return seconds, stop
-    told = torch.tensor([seconds if place.rank == 0 else 0.0, float(stop)], dtype=torch.float64, device=place.device)
+    told = torch.tensor([seconds if group.rank == 0 else 0.0, float(stop)], dtype=torch.float64, device=group.device)
     distributed.all_reduce(told)
     return float(told[0]), bool(told[1] > 0)

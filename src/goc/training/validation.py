@@ -1,4 +1,7 @@
-"""How a training goes: completions of shapes it does not train on, on the grid of its network, against the truth."""
+"""Validation during training: completions of shapes that are not trained on, scored on the grid of the network.
+
+Quick enough for every few hundred steps; `goc osc eval` composes and meshes as `goc carve` does.
+"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,17 +18,17 @@ from goc.training.samples import Draw, true_distance
 from goc.training.thumbnails import shaded
 
 Field = Float32[np.ndarray, "n n n"]
-"""Positive outside, its zero level the surface; model units near the surface."""
+"""Signed distance at the cells of a grid, positive outside, in model units near the surface."""
 
 _SEEN = 0.3
-"""Share of a cell in the band of a seen surface from which the measured distance holds."""
+"""A cell with at least this share of it in the band of a seen surface takes the measured distance."""
 _SOFT = 0.004
-"""Model units that one unit of log-odds counts for when a field is meshed."""
+"""Model units of distance per unit of log-odds, when a network's answer is made a signed distance."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValidationCase:
-    """One masked object on a grid, with its truth."""
+    """One masked object on a grid of n³ cells: its evidence, and its true signed distance."""
 
     masked: MaskedObject
     channels: Float32[np.ndarray, "c n n n"]
@@ -37,7 +40,7 @@ class ValidationCase:
         return (self.channels[1] >= _SEEN) | (self.channels[2] >= 0.5)
 
     def composed(self, guess: Field) -> Field:
-        """A guess where nothing is known; measured distance where surface was seen; outside where rays passed."""
+        """Combine a guess with the evidence: measured where surface was seen, outside where rays passed."""
         band = 1.5 * 2.0 / self.truth.shape[0]
         known = np.where(self.channels[1] >= _SEEN, self.channels[0] * band, np.maximum(guess, band / 2))
         return np.where(self.decided, known, guess).astype(np.float32)
@@ -75,12 +78,12 @@ def case_of(masked: MaskedObject, cells: int) -> ValidationCase:
 
 
 def guess_nothing(case: ValidationCase) -> Field:
-    """What was not seen is not there."""
+    """The guess that there is nothing but what was seen: outside everywhere."""
     return np.full_like(case.truth, 0.02)
 
 
 def guess_network(case: ValidationCase, network: Completer, threshold: float) -> Field:
-    """What a network says, its level at occupancy `threshold`."""
+    """A network's answer, as a field whose zero level is where the occupancy is `threshold`."""
     cells = case.truth.shape[0]
     centres = torch.from_numpy(cell_centres(cells).reshape(-1, 3))
     logits = network.complete(case.masked.partial).logits(centres).float().cpu().numpy()

@@ -1,4 +1,4 @@
-"""Where virtual cameras stand: few, clustered on an arc, as somebody films; many, as a room is scanned; all round."""
+"""Random poses of virtual cameras: few on an arc, as filmed by hand; many, as a room is scanned; or all round."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Regime = Literal["arc", "room", "sphere"]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Viewpoint:
-    """A square pinhole image towards the object; OpenCV axes, centre of the image on the axis."""
+    """A virtual pinhole camera with a square image; OpenCV axes, principal point in the middle."""
 
     focal_px: float
     size: int

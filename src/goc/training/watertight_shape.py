@@ -1,4 +1,4 @@
-"""A closed shape as training knows it: signed distance on a grid, its surface, and what rays hit of it."""
+"""A watertight training shape: signed distance on a grid, with its mesh and a scene to cast rays at."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from goc.scene import Mesh
 from goc.training.primitives import Number, Primitive, Triple
 
 BAND = 4.0
-"""Distance, in voxels, at which a solid's signed distance is cut off."""
+"""Distance, in voxels, at which a shape's signed distance is cut off."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -57,11 +57,11 @@ class WatertightShape:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CsgPart:
-    """A body put somewhere, and what it does to what is there already."""
+    """A primitive with its pose, and the boolean operation by which it joins the parts before it."""
 
     body: Primitive
     at: Triple
-    """Where the body's origin goes."""
+    """Position of the primitive's origin, frame of the shape."""
     turn: Float[np.ndarray, "3 3"] | None = None
     """Rotation shape_from_body; None: aligned."""
     operation: Literal["union", "difference", "intersection"] = "union"
@@ -78,14 +78,14 @@ class CsgPart:
 
 
 def shape_from_parts(parts: Sequence[CsgPart], cells: int) -> WatertightShape | None:
-    """Work parts into a grid, one after the other, each only where it can reach.
+    """Apply parts to a signed distance grid, one after the other, each only where it can reach.
 
     Args:
         parts: in any unit and place; the shape is brought into the frame of a WatertightShape.
         cells: along its longest side.
 
     Returns:
-        None where nothing is left, or next to nothing.
+        None where fewer than 64 voxels are inside.
     """
     boxes = [part.box() for part in parts if part.operation == "union"]
     low, high = np.min([box[0] for box in boxes], 0), np.max([box[1] for box in boxes], 0)
@@ -95,11 +95,11 @@ def shape_from_parts(parts: Sequence[CsgPart], cells: int) -> WatertightShape | 
     origin = low - rim * voxel
     field = np.full(shape, np.float32(BAND * voxel), np.float32)
     for part in parts:
-        _work_in(field, origin, voxel, part)
-    return _stood(field, origin, voxel)
+        _apply_part(field, origin, voxel, part)
+    return _normalised(field, origin, voxel)
 
 
-def _work_in(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float, part: CsgPart) -> None:
+def _apply_part(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float, part: CsgPart) -> None:
     low, high = part.box()
     reach = BAND * voxel + part.blend
     first = np.clip(np.floor((low - reach - origin) / voxel).astype(int), 0, field.shape)
@@ -137,7 +137,7 @@ def _smooth_union(a: np.ndarray, b: np.ndarray, radius: float) -> np.ndarray:
     return np.minimum(a, b) - share**2 * np.float32(radius / 4)
 
 
-def _stood(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float) -> WatertightShape | None:
+def _normalised(field: Float32[np.ndarray, "x y z"], origin: np.ndarray, voxel: float) -> WatertightShape | None:
     """Crop to what is there, scale the longest side to 1, stand on z = 0, centre over the origin."""
     inside = field < 0
     if inside.sum() < 64:

@@ -1,4 +1,4 @@
-"""The protocol `goc`: area-uniform samples of complete objects, failures counted, solids examined."""
+"""The protocol `goc`: area-uniform samples of complete objects; missing objects count, closed ones are examined."""
 
 from goc.evaluation.labels import AMBIGUOUS_WITHIN, RECALL_WITHIN, label_accuracy, label_recall
 from goc.evaluation.metrics import SAMPLES, sample_surface

@@ -1,4 +1,4 @@
-"""What a protocol hands back, and the means taken of it."""
+"""Input and output of every protocol, and means over its figures."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -11,14 +11,14 @@ from goc.evaluation.result import Figures
 from goc.evaluation.truth import Truth
 
 _NO_MEAN = ("volume", "volume_truth", "volume_error")
-"""Say nothing when averaged over a sofa and a cup."""
+"""Figures that are not averaged: a mean over a sofa and a cup says nothing."""
 
 Settings = dict[str, float | int | str | list[float]]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class MatchedRun:
-    """A run and a truth with their objects matched: what every protocol is given."""
+    """A run and a ground truth with their objects matched: the input of every protocol."""
 
     truth: Truth
     prediction: Prediction
@@ -31,7 +31,7 @@ class MatchedRun:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ProtocolResult:
-    """Figures of each object and of the scene; NaN and infinity where undefined."""
+    """The figures of each object and of the scene that a protocol found; NaN and infinity where undefined."""
 
     objects: dict[int, dict[str, float]]
     scene: dict[str, float] | None

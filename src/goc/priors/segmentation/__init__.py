@@ -1,4 +1,4 @@
-"""Capture → Capture with ids: things told apart by geometry alone, no network, no mask."""
+"""Capture → Capture with ids: instance segmentation by geometry alone, without a network or masks."""
 
 from goc.priors.segmentation.config import SegmentConfig
 from goc.priors.segmentation.stage import segment

@@ -1,4 +1,4 @@
-"""What stands in the room: connected things, told apart from the tables and shelves that carry them."""
+"""Groups voxels that are not room into objects, and separates what stands on a support from the support."""
 
 from dataclasses import dataclass
 
@@ -18,14 +18,14 @@ CONNECTED = 1.8
 TOP_M = 0.05
 """What rises less above a face, metres, is its rim."""
 OPEN_BELOW = 1.0
-"""A table shows less surface below its top than the top itself; a cupboard shows more."""
+"""Voxels below a table's top, as a share of those of the top, are fewer than this; a cupboard has more."""
 TOUCHING = 2.3
 """PartGraph whose voxels come this many cells near each other touch."""
 
 
 @dataclass(frozen=True, eq=False)
 class SegmentedObjects:
-    """Ids of voxels, and the names of those ids whose shape tells what they are."""
+    """The id of each voxel (0 = room, 1… objects, -1 = none), and a name for each object."""
 
     ids: Int64[np.ndarray, "v"]
     id_names: dict[int, str]
@@ -34,7 +34,7 @@ class SegmentedObjects:
 def find_objects(
     surface: SurfaceVoxels, room: RoomPlanes, config: SegmentConfig, metre: float, rng: np.random.Generator
 ) -> SegmentedObjects:
-    """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = crumbs.
+    """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = too small.
 
     Connected voxels are one thing, but for two cuts at every horizontal face that could be a support: the face itself
     is taken out, which frees what stands on it, and the column below it is cut off, which frees what stands beside it.
@@ -91,7 +91,7 @@ def _order(
     config: SegmentConfig,
     metre: float,
 ) -> SegmentedObjects:
-    """Drop crumbs, number what is left by falling size."""
+    """Drop objects that are too small, and number the others by falling size."""
     ids = np.where(things >= 0, UNLABELLED, ROOM).astype(np.int64)
     sizes = np.bincount(things[things >= 0]) if (things >= 0).any() else np.zeros(0, int)
     least = max(8.0, 2.0 * (config.min_object_m * metre / surface.voxel) ** 2)

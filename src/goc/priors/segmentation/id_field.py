@@ -1,4 +1,4 @@
-"""Voxel ids → the id of any 3D point, the same whichever view asks."""
+"""Looks up the id of any 3D point from the ids of voxels; the answer does not depend on the view."""
 
 import math
 
@@ -11,7 +11,7 @@ from goc.priors.segmentation.surface_voxels import MARGIN, SurfaceVoxels
 from goc.scene import UNLABELLED
 
 MIXED = -2
-"""Of a cell: its neighbourhood holds several ids, ask for the nearest voxel."""
+"""Marks a cell next to which there are several ids, so that the nearest voxel has to be searched for."""
 
 
 class IdField:

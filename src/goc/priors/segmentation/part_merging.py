@@ -1,4 +1,4 @@
-"""Which parts belong together: what carries a face, what rises at its rim, and what only stands on it or beside it."""
+"""Merges parts into objects: legs, aprons, backs and shelves join the support that they carry or surround."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -31,7 +31,7 @@ RISES_M = 0.05
 BROAD = 0.8
 """A part touches another broadly from this many voxels on, in units of the square root of its size."""
 SMALL_PART = 12
-"""A part of fewer voxels is a speck: it belongs to what it touches."""
+"""A part of fewer voxels joins the part that it touches most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,7 +209,7 @@ class PartGraph:
         return joined
 
     def _small_parts(self, small: Bool[np.ndarray, "q"]) -> list[tuple[int, int]]:
-        """Specks join the one part that they touch most."""
+        """Links of small parts to the one larger part that they touch most."""
         speck, other = (self.ids[rows] for rows in self.touching)
         chosen = small[speck] & ~small[other]
         pairs, counts = np.unique(np.stack([speck[chosen], other[chosen]], 1), axis=0, return_counts=True)

@@ -1,4 +1,4 @@
-"""Which way is up, and what is the room: floor, ceiling, walls."""
+"""Finds the up direction and the planes of the room: floor, ceiling and walls."""
 
 from dataclasses import dataclass
 
@@ -33,7 +33,7 @@ class RoomPlanes:
 def find_room_planes(
     surface: SurfaceVoxels, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator
 ) -> RoomPlanes:
-    """Up and the planes of the room; what they claim is the room. Without any plane, the largest structure is."""
+    """Find up, the planes of the room, and the voxels on them; without any plane, the largest structure is the room."""
     poses = np.stack([camera.world_from_cam.double().numpy() for camera in cameras])
     positions = poses[:, :3, 3]
     up, level = find_up(surface.points, surface.normals, surface.voxel, poses, rng)

@@ -27,7 +27,7 @@ APART_M = 0.15
 
 @dataclass(frozen=True, eq=False)
 class Footprint:
-    """Cells of the ground, on a small raster."""
+    """A set of cells of the horizontal plane, as a mask with an origin."""
 
     origin: Int64[np.ndarray, "2"]
     mask: Bool[np.ndarray, "x y"]
@@ -51,7 +51,7 @@ class Footprint:
 
 @dataclass(frozen=True, eq=False)
 class Support:
-    """A horizontal face, and what it lies over."""
+    """A horizontal face that may carry objects: its plane, its voxels, and the cells it covers."""
 
     plane: Plane
     rows: Int64[np.ndarray, "m"]

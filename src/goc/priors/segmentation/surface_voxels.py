@@ -24,7 +24,7 @@ PIXELS_PER_VOXEL = 1.3
 PINHOLES = 0.02
 """Share of lone missing pixels from which a depth image counts as riddled with holes."""
 MIN_LAYER_SHARE = 0.2
-"""A sheet that fewer views saw than this share of those that saw the one before or behind it is noise."""
+"""A voxel seen by fewer views than this share of those that saw the layer before or behind it is noise."""
 MIN_VIEW_SHARE = 0.1
 """Where the typical voxel has many views, one with less than this share of them (at most three) is noise."""
 EDGE = 0.04
@@ -33,7 +33,7 @@ EDGE = 0.04
 
 @dataclass(frozen=True, eq=False)
 class SurfaceVoxels:
-    """What all views saw, a point a voxel, ordered by key."""
+    """The fused surface of all views: one oriented point a voxel, ordered by key."""
 
     keys: Int64[np.ndarray, "v"]
     points: Float[np.ndarray, "v 3"]
@@ -49,11 +49,11 @@ class SurfaceVoxels:
 
 
 def thinned(surface: SurfaceVoxels, rounds: int = 3) -> SurfaceVoxels:
-    """Draw the haze of depth noise and drift together into one sheet.
+    """Merge parallel layers of voxels, which noisy or drifting depth leaves, into one layer.
 
     Each point moves along its normal to the mean of the points before and behind it that face the same way, weighted by
-    the views that saw them (mean shift, Fukunaga and Hostetler 1975); then points regroup in voxels. What still hovers
-    before or behind a sheet that far more views saw is dropped.
+    the views that saw them (mean shift, Fukunaga and Hostetler 1975); then points regroup in voxels. What is left
+    before or behind a layer that far more views saw is dropped.
     """
     for _ in range(rounds):
         shift, weight, normals = np.zeros(len(surface)), surface.views.copy(), surface.normals * surface.views[:, None]

@@ -1,4 +1,4 @@
-"""Makes perfect captures imperfect, each effect by a stated law: depth sensors, images, poses, masks."""
+"""Degrades exact captures by models of real sensors: noise of depth, images, poses and masks."""
 
 from goc.synth.sensor.degrade import degrade_capture
 from goc.synth.sensor.depth import Lidar, StructuredLight, lidar_depth, structured_light_depth

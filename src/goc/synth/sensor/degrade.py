@@ -42,12 +42,12 @@ _DEPTH, _NORMALS, _IMAGE, _POSE, _MASKS = range(5)
 
 @dataclass(frozen=True, kw_only=True)
 class _DegradedView:
-    """What became of one view."""
+    """The result of degrading one view."""
 
     changes: dict[str, Any] = field(default_factory=dict)
     """Keys of its frame that are different now."""
     truth: dict[str, Any] = field(default_factory=dict)
-    """What a reader is not told."""
+    """Exact values that a reader of the copy does not get: they go into gt/sensor.json."""
 
 
 def degrade_capture(source: Path, out: Path, config: SensorConfig, notify: Listener = ignore) -> Path:

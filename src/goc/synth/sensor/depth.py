@@ -50,7 +50,7 @@ class StructuredLight(Settings):
 
 @dataclass(frozen=True, kw_only=True)
 class Lidar(Settings):
-    """Few dots of light, spread over the image: coarse and smooth, with edges like ramps."""
+    """A lidar with few measured points spread over the image: depth is coarse and smooth, edges become ramps."""
 
     columns: Annotated[int, Range(least=2, most=8192)] = 64
     """Depths measured across the image; the rows follow from its shape."""
@@ -67,7 +67,7 @@ _JUMP = 0.04
 
 
 def structured_light_depth(depth: Depth, camera: Camera, config: StructuredLight, rng: Rng) -> Depth:
-    """What a structured-light sensor measures.
+    """Simulate the depth that a structured-light sensor measures.
 
     In this order: each pixel reads the true depth up to a few pixels aside (jitter); where the surface grazes the ray,
     at some pixels beside a jump in depth, and out of range, there is nothing; Gaussian noise of standard deviation
@@ -104,7 +104,7 @@ def structured_light_depth(depth: Depth, camera: Camera, config: StructuredLight
 
 
 def lidar_depth(depth: Depth, config: Lidar, rng: Rng) -> Depth:
-    """What a phone makes of its lidar: 1/z averaged over coarse cells, noise a + b z² a cell, and lines between.
+    """Simulate a phone's lidar depth: 1/z averaged over coarse cells, noise a + b z² a cell, then interpolated.
 
     Between the middles of cells 1/z is interpolated bilinearly, so that planes stay planes and edges become ramps one
     cell wide. A cell needs half of its pixels; where one of the cells round a pixel has none, there is nothing.

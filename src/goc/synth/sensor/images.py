@@ -1,4 +1,4 @@
-"""What goes wrong with photographs: the hand moves, the exposure changes."""
+"""Faults of photographs: motion blur and changing exposure."""
 
 from dataclasses import dataclass
 from typing import Annotated
@@ -42,7 +42,7 @@ def motion_blur(light: Float[np.ndarray, "h w 3"], motion_px: Float[np.ndarray, 
 
 
 def _track(motion_px: Float[np.ndarray, "2"]) -> Float[np.ndarray, "k k"]:
-    """How much of the time the middle of the pixel spends where; eight stops a pixel, spread over four neighbours."""
+    """Kernel of the motion: share of the exposure that falls on each pixel, from eight samples a pixel of length."""
     length = float(np.linalg.norm(motion_px))
     reach = int(np.ceil(length / 2)) + 1
     weights = np.zeros((2 * reach + 1, 2 * reach + 1))

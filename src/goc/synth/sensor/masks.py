@@ -1,4 +1,4 @@
-"""Masks as networks make them: some swapped, some lost, some too large or too small."""
+"""Faults of instance masks as networks make them: swapped, missing, too large or too small."""
 
 import numpy as np
 import scipy.ndimage

@@ -1,4 +1,4 @@
-"""Which faults a capture is given."""
+"""Settings of all faults, and the depth sensors by name."""
 
 from dataclasses import dataclass, field
 

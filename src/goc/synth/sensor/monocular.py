@@ -1,4 +1,4 @@
-"""What a network guesses of one image: depth up to an unknown scale and offset, and normals a few degrees off."""
+"""Simulated output of a monocular network: depth up to an unknown scale and offset, normals a few degrees off."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ _WAVES = 5
 
 @dataclass(frozen=True, kw_only=True)
 class MonocularDepth(Settings):
-    """Errors as networks make them. All but the unknown scale and offset can be switched off with 0."""
+    """Errors of monocular depth networks. All but the unknown scale and offset can be switched off with 0."""
 
     kind: Literal["affine", "inverse"] = "affine"
     """What the stored value D is in proportion to, up to an offset: z = k D + b, or 1/z = k D + b."""
@@ -47,7 +47,7 @@ class MonocularDepth(Settings):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class StoredDepth:
-    """A depth image as it is stored, and what the reader is not told."""
+    """A depth image as stored in 16 bits, with the scale and offset that the reader is not told."""
 
     values: UInt16[np.ndarray, "h w"]
     """1…65535; 0 = none."""
@@ -58,7 +58,7 @@ class StoredDepth:
 
 
 def monocular_depth(depth: Depth, config: MonocularDepth, rng: Rng) -> StoredDepth:
-    """What a network says of the depth.
+    """Simulate the depth that a monocular network predicts.
 
     z is blurred (holes stay holes), multiplied by 1 + a smooth random field, and by 1 + white noise; then w = z, or
     1/z, is stored as (w - low) / (high - low) in 16 bits. low and high are the image's own least and greatest w, each
@@ -81,7 +81,7 @@ def monocular_depth(depth: Depth, config: MonocularDepth, rng: Rng) -> StoredDep
 
 
 def monocular_normals(depth: Depth, camera: Camera, config: MonocularDepth, rng: Rng) -> Normals:
-    """What a network says of the normals: those of the depth, turned by a smooth random rotation, then blurred.
+    """Simulate predicted normals: those of the depth, turned by a smooth random rotation, then blurred.
 
     The blur also fills the pixels at rims where the depth gives no normal.
     """

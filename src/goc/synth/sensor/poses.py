@@ -1,4 +1,4 @@
-"""Poses as they are estimated: a little turned and shifted, each view on its own."""
+"""Errors of estimated camera poses: each view is turned and shifted a little on its own."""
 
 from dataclasses import dataclass
 from typing import Annotated

@@ -1,4 +1,4 @@
-"""A capture in nerfstudio's layout, as far as a sensor needs it: everything else in its files is passed on as it is."""
+"""Reads the parts of a nerfstudio capture that faults work on; the rest of its files is copied unchanged."""
 
 import os
 import shutil
@@ -48,7 +48,7 @@ class _Transforms(msgspec.Struct, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SourceCapture:
-    """What there is to degrade."""
+    """A capture to degrade: its files, and its views by image path."""
 
     root: Path
     main: str
@@ -58,7 +58,7 @@ class SourceCapture:
     frames: dict[str, FrameEntry]
     """All views by image path."""
     shared: _Transforms
-    """The top of the main file."""
+    """Values of the main file that its frames share."""
 
     def camera(self, entry: FrameEntry, width: int, height: int) -> Camera:
         """Intrinsics of a view, at the size of its depth image; the pose is the identity.
