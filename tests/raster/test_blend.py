@@ -8,10 +8,14 @@ import torch
 from cameras import pinhole, turned
 from goc import _native
 from goc.geometry.harmonics import colours_towards
-from goc.raster import blend_view, centre_depths, plane_channels, rasterize
-from goc.scene import Gaussians
+from goc.raster import CPU, NATIVE, BlendedViews, blend_views, centre_depths, plane_channels, rasterize, views_of
+from goc.scene import Camera, Gaussians
 
 VIEW = pinhole((38.0, 41.0), (43, 29), (19.3, 14.8), turned((0.98, 0.1, -0.12, 0.07), (0.1, -0.2, 0.3)))
+
+
+def blend_view(gaussians: Gaussians, view: Camera, planes: bool) -> BlendedViews:
+    return blend_views(gaussians, views_of([view], CPU), planes, NATIVE)
 
 
 def random_splats(count: int, degree: int, features: int) -> Gaussians:
@@ -55,14 +59,35 @@ def test_a_view_is_its_channels_rasterised(planes, degree, features):
     expected, expected_alpha = rasterize(slow, view, torch.cat(channels, -1))
     found = blend_view(fast, view, planes)
     images = [found.colour, found.geometry] + ([] if found.features is None else [found.features])
-    image = torch.cat(images).permute(1, 2, 0)
+    image = torch.cat(images, 1)[0].permute(1, 2, 0)
     assert (image - expected).abs().max() < 2e-5
-    assert torch.equal(found.alpha, expected_alpha)
-    upstream, alpha_upstream = torch.randn_like(image), torch.randn_like(found.alpha)
-    torch.autograd.backward((image, found.alpha), (upstream, alpha_upstream))
+    assert torch.equal(found.alpha[0], expected_alpha)
+    upstream, alpha_upstream = torch.randn_like(image), torch.randn_like(expected_alpha)
+    torch.autograd.backward((image, found.alpha[0]), (upstream, alpha_upstream))
     torch.autograd.backward((expected, expected_alpha), (upstream, alpha_upstream))
     for name, exact in gradients(slow).items():
         assert (gradients(fast)[name] - exact).abs().max() < 2e-5 * exact.abs().max(), name
+
+
+@pytest.mark.parametrize("planes", [True, False])
+def test_several_views_are_each_of_them_on_either_kind_of_engine(planes):
+    """Fused: view after view. Not: channels in PyTorch, which are blended together."""
+    cameras = [VIEW, replace(VIEW, world_from_cam=torch.eye(4))]
+    alone, fused, plain = (random_splats(120, 2, 5) for _ in range(3))
+    parts = [blend_view(alone, one, planes) for one in cameras]
+    together = [
+        blend_views(splats, views_of(cameras, CPU), planes, replace(NATIVE, fused=is_fused))
+        for splats, is_fused in ((fused, True), (plain, False))
+    ]
+    for name in ("colour", "geometry", "features", "alpha"):
+        expected = torch.cat([getattr(part, name) for part in parts])
+        assert torch.equal(getattr(together[0], name), expected), name
+        assert torch.allclose(getattr(together[1], name), expected, atol=2e-5), name
+    for shown in (*parts, *together):
+        (shown.colour.square().sum() + shown.geometry.square().sum() + shown.features.square().sum()).backward()
+    for name, exact in gradients(alone).items():
+        for splats in (fused, plain):
+            assert (gradients(splats)[name] - exact).abs().max() < 2e-5 * exact.abs().max(), name
 
 
 def test_an_image_that_no_loss_looks_at_has_no_part_in_the_gradient():

@@ -9,10 +9,14 @@ import torch
 
 from cameras import pinhole
 from goc import _native
-from goc.raster import blend_view, rasterize
+from goc.raster import CPU, NATIVE, BlendedViews, blend_views, rasterize, views_of
 from goc.scene import Camera, Gaussians
 
 VIEW = pinhole((38.0, 41.0))
+
+
+def blend_view(gaussians: Gaussians, view: Camera, planes: bool) -> BlendedViews:
+    return blend_views(gaussians, views_of([view], CPU), planes, NATIVE)
 
 
 def random_splats(count: int) -> Gaussians:

@@ -5,7 +5,7 @@ import math
 import pytest
 import torch
 
-from goc.reconstruct.mcmc import draw, exploration, relocated
+from goc.reconstruct.mcmc import copy_values, drawn_by_opacity, exploration_noise
 
 
 def double_sum(opacity: float, copies: int) -> float:
@@ -20,25 +20,25 @@ def double_sum(opacity: float, copies: int) -> float:
 
 @pytest.mark.parametrize("copies", [1, 2, 5, 20])
 @pytest.mark.parametrize("opacity", [0.05, 0.5, 0.95])
-def test_relocated_matches_the_papers_double_sum(copies, opacity):
-    opacities, scales = relocated(torch.tensor([opacity]), torch.full((1, 3), 0.2), torch.tensor([copies]))
+def test_copies_match_the_papers_double_sum(copies, opacity):
+    opacities, scales = copy_values(torch.tensor([opacity]), torch.full((1, 3), 0.2), torch.tensor([copies]))
     assert opacities.item() == pytest.approx(1 - (1 - opacity) ** (1 / copies), rel=1e-5)
     assert scales[0, 0].item() == pytest.approx(0.2 * opacity / double_sum(opacity, copies), rel=1e-4)
 
 
 def test_one_copy_changes_nothing():
-    opacities, scales = relocated(torch.tensor([0.3, 0.9]), torch.full((2, 3), 0.1), torch.ones(2, dtype=torch.int64))
+    opacities, scales = copy_values(torch.tensor([0.3, 0.9]), torch.full((2, 3), 0.1), torch.ones(2, dtype=torch.int64))
     assert torch.allclose(opacities, torch.tensor([0.3, 0.9]))
     assert torch.allclose(scales, torch.full((2, 3), 0.1))
 
 
 def test_copies_together_have_the_opacity_of_the_one():
-    opacities, _ = relocated(torch.tensor([0.8]), torch.ones(1, 3), torch.tensor([4]))
+    opacities, _ = copy_values(torch.tensor([0.8]), torch.ones(1, 3), torch.tensor([4]))
     assert 1 - (1 - opacities.item()) ** 4 == pytest.approx(0.8, rel=1e-5)
 
 
 def test_draw_follows_opacity():
-    drawn = draw(torch.tensor([0.0, 0.1, 0.9]), 10_000, torch.Generator().manual_seed(0))
+    drawn = drawn_by_opacity(torch.tensor([0.0, 0.1, 0.9]), 10_000, torch.Generator().manual_seed(0))
     assert (drawn == 0).sum() == 0
     assert (drawn == 2).float().mean().item() == pytest.approx(0.9, abs=0.02)
 
@@ -47,8 +47,8 @@ def test_exploration_moves_transparent_splats_along_their_shape():
     log_scales = torch.tensor([[0.0, -4.0, -4.0]]).expand(5000, 3)
     quats = torch.tensor([[1.0, 0.0, 0.0, 0.0]]).expand(5000, 4)
     generator = torch.Generator().manual_seed(0)
-    still = exploration(log_scales, quats, torch.full((5000,), 0.5), 1.0, generator)
-    moved = exploration(log_scales, quats, torch.zeros(5000), 1.0, generator)
+    still = exploration_noise(log_scales, quats, torch.full((5000,), 0.5), 1.0, generator)
+    moved = exploration_noise(log_scales, quats, torch.zeros(5000), 1.0, generator)
     assert still.abs().max() < 1e-12
     gate = torch.sigmoid(torch.tensor(0.5)).item()
     assert moved[:, 0].std().item() == pytest.approx(gate, rel=0.05)

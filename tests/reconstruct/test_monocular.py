@@ -10,9 +10,9 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.files import write_depth
 from goc.reconstruct import Mcmc, Monocular, ReconstructConfig, reconstruct
+from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.losses import RenderedDepth
 from goc.reconstruct.monocular import ROW, aligned_capture, aligned_frame, refresh, start_alignment
-from goc.reconstruct.priors import geometry_priors
 from goc.scene import Capture, PointCloud
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=0, mcmc=Mcmc(max_splats=1500, every=10))
@@ -57,6 +57,7 @@ def known(capture: Capture, views=range(8), side: int = 16) -> dict:
 
 
 def shown(depth: torch.Tensor, alpha: float = 1.0) -> RenderedDepth:
+    depth = depth[None]
     opaque = torch.full_like(depth, alpha)
     return RenderedDepth(numerator=depth * opaque, denominator=opaque, alpha=opaque)
 
@@ -167,7 +168,7 @@ def test_given_normals_count_without_depth(affine):
     views = {"alignment": torch.full((8, ROW), torch.nan)}
     for kind in ("affine", "metric"):
         found = geometry_priors(replace(bare, depth_kind=kind), True, Monocular())(0, views, shown(truth(0)), 0)
-        assert torch.isnan(found.depth).all() and torch.equal(found.normals, normals)
+        assert torch.isnan(found.depth).all() and torch.equal(found.normals, normals[None])
         assert geometry_priors(replace(bare, depth_kind=kind), False, Monocular())(0, views, shown(truth(0)), 0) is None
 
 

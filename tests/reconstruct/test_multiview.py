@@ -11,9 +11,8 @@ from cameras import pinhole, placed
 from goc import _native
 from goc.geometry.rays import pixel_rays
 from goc.raster import CPU, views_of
-from goc.reconstruct.device_pairs import Beside, Drawn, pair_losses
-from goc.reconstruct.losses import expected_depth
-from goc.reconstruct.multiview import Neighbour, PairWeights, inverse_depth, multiview_loss
+from goc.reconstruct.losses import Neighbour, PairWeights, RenderedDepth, inverse_depth
+from goc.reconstruct.losses import multiview_loss as loss_of_pair
 from goc.scene import Camera, Frame
 
 TOLERANCE = 0.05
@@ -51,7 +50,15 @@ def pair(size: tuple[int, int] = (51, 40), slope: float = 0.25) -> tuple[Frame, 
 
 
 def neighbour_of(frame: Frame, inverse: Tensor, stride: int = 1) -> Neighbour:
-    return Neighbour(camera=frame.camera, image=frame.image, inverse_depth=inverse, stride=stride)
+    return Neighbour(views=views_of([frame.camera], CPU), image=frame.image, inverse_depth=inverse, stride=stride)
+
+
+def expected_depth(blended: Tensor, alpha: Tensor) -> RenderedDepth:
+    return RenderedDepth(numerator=blended[None], denominator=alpha[None], alpha=alpha[None])
+
+
+def multiview_loss(depth: RenderedDepth, frame: Frame, neighbour: Neighbour, weights: PairWeights) -> Tensor:
+    return loss_of_pair(depth, views_of([frame.camera], CPU), frame.image, neighbour, weights)
 
 
 def perturbed(depth: Tensor, amount: float, seed: int) -> Tensor:
@@ -60,7 +67,7 @@ def perturbed(depth: Tensor, amount: float, seed: int) -> Tensor:
 
 @pytest.mark.parametrize("stride", [1, 3])
 @pytest.mark.parametrize(("photometric", "geometric"), [(1.0, 0.0), (0.0, 1.0), (0.3, 0.2)])
-def test_values_and_gradients_match_the_definition(photometric, geometric, stride):
+def test_values_and_gradients_match_the_twin(photometric, geometric, stride):
     frame, depth, other, other_depth = pair()
     other_depth = perturbed(other_depth, 0.004, 1)
     other_depth[:, 30:] *= 0.8  # something in front, with an edge
@@ -75,16 +82,8 @@ def test_values_and_gradients_match_the_definition(photometric, geometric, strid
 
     weights = PairWeights(photometric=photometric, geometric=geometric, tolerance=TOLERANCE)
     loss = multiview_loss(expected_depth(fast[0], fast[1]), frame, neighbour_of(other, there, stride), weights)
-    images = [image.permute(2, 0, 1).double() / 255 for image in (frame.image, other.image)]
-    drawn = Drawn(
-        views=views_of([frame.camera], CPU),
-        numerator=slow[0],
-        denominator=slow[1],
-        alpha=alpha.double(),
-        image=images[0],
-    )
-    beside = Beside(views=views_of([other.camera], CPU), image=images[1], inverse_depth=slow_there, stride=stride)
-    expected = pair_losses(drawn, beside, weights)
+    exact = replace(expected_depth(*slow), alpha=alpha.double()[None])
+    expected = multiview_loss(exact, frame, neighbour_of(other, slow_there, stride), weights)
     loss.backward()
     expected.backward()
     assert loss.item() == pytest.approx(expected.item(), rel=1e-4, abs=1e-6)
@@ -157,7 +156,7 @@ def test_what_cannot_be_compared_does_not_count():
     wrong = depth * 1.01
     hidden = neighbour_of(other, inverse * 1.5)  # something nearer stands before everything
     away = replace(other.camera, world_from_cam=torch.diag(torch.tensor([-1.0, 1.0, -1.0, 1.0])))
-    turned = Neighbour(camera=away, image=other.image, inverse_depth=inverse)
+    turned = neighbour_of(replace(other, camera=away), inverse)
     nothing = neighbour_of(other, torch.zeros_like(inverse))
     for there in (hidden, turned, nothing):
         moved = wrong.clone().requires_grad_()
@@ -209,8 +208,8 @@ def test_bits_do_not_depend_on_the_number_of_threads():
 def test_inverse_depth_is_none_where_nothing_is_shown():
     numerator = torch.tensor([[2.0, 1.0, -1.0, 1.0]]).requires_grad_()
     denominator = torch.tensor([[1.0, 0.4, 1.0, 0.001]])
-    depth = replace(expected_depth(numerator, denominator), alpha=torch.tensor([[1.0, 0.4, 1.0, 1.0]]))
-    found = inverse_depth(depth)
+    depth = replace(expected_depth(numerator, denominator), alpha=torch.tensor([[[1.0, 0.4, 1.0, 1.0]]]))
+    found = inverse_depth(depth)[0]
     found.sum().backward()
     assert torch.equal(found.detach(), torch.tensor([[0.5, 0.0, 0.0, 0.0]]))
     assert torch.equal(numerator.grad, torch.tensor([[-0.25, 0.0, 0.0, 0.0]]))

@@ -11,8 +11,8 @@ from goc.errors import ConfigError
 from goc.raster import CPU, NATIVE, views_of
 from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, reconstruct
 from goc.reconstruct.depth import draw_depth
-from goc.reconstruct.device_pairs import Beside, Drawn, landing_of
-from goc.reconstruct.multiview import inverse_depth
+from goc.reconstruct.losses import inverse_depth
+from goc.reconstruct.losses.warp import warped
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import memory_stride, view_pairs
 from goc.reconstruct.seed import seed
@@ -127,7 +127,7 @@ def depth_error(capture: Capture, state: State) -> float:
     """Median over all pixels, metres."""
     found = []
     for view, camera in enumerate(capture.cameras):
-        depth = draw_depth(state.gaussians().detached(), camera, "plane")
+        depth = draw_depth(state.gaussians().detached(), views_of([camera], CPU), "plane", NATIVE)
         found.append((depth.numerator / depth.denominator - capture[view].depth).abs().flatten())
     return torch.cat(found).nanmedian().item()
 
@@ -136,16 +136,13 @@ def disagreement(capture: Capture, state: State) -> float:
     """Median relative difference between the depth of a pixel's point in a neighbour and what the neighbour shows."""
     pairs = view_pairs(capture, list(range(len(capture))), QUICK)
     assert pairs is not None
-    depths = [draw_depth(state.gaussians().detached(), camera, "plane") for camera in capture.cameras]
-    inverses = [inverse_depth(depth) for depth in depths]
+    posed = [views_of([camera], CPU) for camera in capture.cameras]
+    depths = [draw_depth(state.gaussians().detached(), views, "plane", NATIVE) for views in posed]
     found = []
     for view, others in pairs.neighbours.items():
         for other in others:
-            here, there = (views_of([capture.cameras[index]], CPU) for index in (view, other))
-            image = torch.zeros(3, here.height, here.width)
-            drawn = Drawn(views=here, image=image, **vars(depths[view]))
-            landing = landing_of(drawn, Beside(views=there, image=image, inverse_depth=inverses[other]), 0.05)
-            found.append((landing.z * landing.inverse - 1)[landing.smooth].abs())
+            warp = warped(depths[view], posed[view], posed[other], inverse_depth(depths[other])[0], 1, 0.05)
+            found.append((warp.z * warp.inverse - 1)[warp.smooth].abs())
     return torch.cat(found).median().item()
 
 

@@ -12,10 +12,11 @@ from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
 from goc.raster import render_labels
-from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, priors, reconstruct, split_views, vote_labels
+from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, geometry_prior, reconstruct, split_views, vote_labels
 from goc.reconstruct.labels import capture_ids, votes_of_view
+from goc.reconstruct.losses.identity import classes_of
 from goc.reconstruct.seed import splat_budget
-from goc.reconstruct.view_loss import classes_of, identity_stride
+from goc.reconstruct.step import identity_stride
 from goc.scene import UNLABELLED, Capture, Gaussians
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
@@ -185,7 +186,8 @@ def test_votes_of_the_ids_in_view_are_the_votes_of_all_ids(capture):
 
 def test_classes_are_places_in_the_list_of_names():
     ids = torch.tensor([0, 7, 3, -1, 9, 8], dtype=torch.int16)
-    assert classes_of(ids, [0, 3, 7, 9]).tolist() == [0, 2, 1, UNLABELLED, 3, UNLABELLED]
+    known = torch.tensor([0, 3, 7, 9], dtype=torch.int16)
+    assert classes_of(ids, known).tolist() == [0, 2, 1, UNLABELLED, 3, UNLABELLED]
 
 
 @pytest.mark.parametrize(("size", "stride"), [((48, 64), 1), ((384, 384), 3), ((480, 640), 5)])
@@ -207,9 +209,9 @@ def test_features_change_only_in_the_steps_that_have_their_loss(capture):
 
 def test_normals_that_came_first_stay(monkeypatch):
     fitted = []
-    monkeypatch.setattr(priors, "fitted_normals", lambda depth, *_: fitted.append(depth) or torch.ones(4, 5, 3))
-    monkeypatch.setattr(priors, "fitting_radius", lambda *_: 1)
-    normals_of = priors.FittedNormals(budget=2 * 60)
+    monkeypatch.setattr(geometry_prior, "fitted_normals", lambda depth, *_: fitted.append(depth) or torch.ones(4, 5, 3))
+    monkeypatch.setattr(geometry_prior, "fitting_radius", lambda *_: 1)
+    normals_of = geometry_prior.FittedNormals(budget=2 * 60)
     depth = torch.ones(4, 5)
     for view in (0, 1, 2, 0, 1, 2):
         assert (normals_of(view, 0.0, depth, camera_of(5, 4)) == 127).all()

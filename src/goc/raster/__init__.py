@@ -1,8 +1,8 @@
 """The splat engine: one call, `rasterize`; everything that the paper renders is a choice of channels."""
 
-from goc.raster.blend import BlendedView, blend_view
+from goc.raster.blend import BlendedViews, blend_views
 from goc.raster.engine import CPU, NATIVE, Engine, EngineName, choose_engine, cuda_flaw, working_device
-from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median
+from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median, stacked
 from goc.raster.render import centre_depths, plane_channels, plane_depth, render, render_labels
 from goc.raster.surface import RenderedSurface, render_surface
 from goc.raster.views import Views, joined_views, view_channels, views_of
@@ -10,12 +10,12 @@ from goc.raster.views import Views, joined_views, view_channels, views_of
 __all__ = [
     "CPU",
     "NATIVE",
-    "BlendedView",
+    "BlendedViews",
     "Engine",
     "EngineName",
     "RenderedSurface",
     "Views",
-    "blend_view",
+    "blend_views",
     "centre_depths",
     "choose_engine",
     "cuda_flaw",
@@ -28,6 +28,7 @@ __all__ = [
     "render",
     "render_labels",
     "render_surface",
+    "stacked",
     "view_channels",
     "views_of",
     "working_device",

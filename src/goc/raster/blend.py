@@ -1,5 +1,6 @@
-"""`blend_view`: what an optimisation step renders, with all its gradients, in one native call each way."""
+"""`blend_views`: what a training step renders of a batch of views; on the processor in one native call a view."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,42 +9,52 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
-from goc.raster.rasterize import native_camera, taken_raster
-from goc.scene.camera import Camera
+from goc.raster.engine import Engine
+from goc.raster.rasterize import native_camera, stacked, taken_raster
+from goc.raster.views import Views, view_channels
 from goc.scene.gaussians import Gaussians
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class BlendedView:
-    """Blended images of one view, channel by channel; losses differentiate in each of them."""
+class BlendedViews:
+    """Blended images of views of one size, channel by channel; losses differentiate in each of them."""
 
-    colour: Float[Tensor, "3 h w"]
+    colour: Float[Tensor, "v 3 h w"]
     """sRGB over black, not clamped."""
-    geometry: Float[Tensor, "g h w"]
+    geometry: Float[Tensor, "v g h w"]
     """Four `plane_channels`, or one of `centre_depths`."""
-    features: Float[Tensor, "f h w"] | None
+    features: Float[Tensor, "v f h w"] | None
     """Blended `Gaussians.identity`, where splats have it."""
-    alpha: Float[Tensor, "h w"]
+    alpha: Float[Tensor, "v h w"]
 
 
-def blend_view(gaussians: Gaussians, camera: Camera, planes: bool) -> BlendedView:
+def blend_views(gaussians: Gaussians, views: Views, planes: bool, engine: Engine) -> BlendedViews:
     """Blend colours, planes (or the z of centres) and features of the splats, as `rasterize` blends their channels.
 
-    The same as rasterize(gaussians, camera, channels) with channels = [colours_towards, plane_channels if `planes` else
-    centre_depths, identity], its twin in the tests; but channels are made and differentiated splat by splat, for those
-    in view. Differentiable in everything that `gaussians` holds, once.
+    The same as rasterize(gaussians, camera, channels) of each view with channels = [colours_towards, plane_channels if
+    `planes` else centre_depths, identity], its twin in the tests. A fused engine makes and differentiates channels
+    splat by splat, for those in view. Differentiable in everything that `gaussians` holds, once.
     """
-    *images, alpha = _BlendView.apply(
-        gaussians.means,
-        gaussians.quats,
-        gaussians.log_scales,
-        gaussians.opacity_logits,
-        gaussians.sh,
-        gaussians.identity,
-        camera,
-        planes,
+    if engine.fused:
+        return _fused(gaussians, views, planes)
+    blended, alpha = engine.blend(gaussians, views, view_channels(gaussians, views, planes))
+    image, first = blended.permute(0, 3, 1, 2), 7 if planes else 4
+    width = 0 if gaussians.identity is None else gaussians.identity.shape[1]
+    return BlendedViews(
+        colour=image[:, :3],
+        geometry=image[:, 3:first],
+        features=image[:, first : first + width] if width else None,
+        alpha=alpha,
     )
-    return BlendedView(
+
+
+def _fused(gaussians: Gaussians, views: Views, planes: bool) -> BlendedViews:
+    splats = gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits
+    drawn: Sequence[tuple[Tensor, ...]] = [
+        _BlendView.apply(*splats, gaussians.sh, gaussians.identity, camera, planes) for camera in views.cameras
+    ]
+    *images, alpha = (stacked(parts) for parts in zip(*drawn, strict=True))
+    return BlendedViews(
         colour=images[0], geometry=images[1], features=images[2] if len(images) > 2 else None, alpha=alpha
     )
 

@@ -14,7 +14,7 @@ from torch import Tensor
 from goc.errors import EngineError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.raster.gsplat_engine import blend_with_gsplat
-from goc.raster.rasterize import rasterize
+from goc.raster.rasterize import rasterize, stacked
 from goc.raster.views import Views, views_of
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
@@ -42,7 +42,8 @@ class Engine:
     device: torch.device
     blend: Blend
     fused: bool
-    """Optimisation steps are native calls on arrays of the processor; otherwise PyTorch on the device."""
+    """A training step blends view after view, each in one native call that makes the channels too; otherwise all views
+    of one size in one call, from channels made in PyTorch."""
 
 
 def blend_natively(
@@ -50,7 +51,7 @@ def blend_natively(
 ) -> tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]:
     """As `rasterize`, for one view after the other."""
     drawn = [rasterize(gaussians, camera, own) for camera, own in zip(views.cameras, channels, strict=True)]
-    return torch.stack([image for image, _ in drawn]), torch.stack([alpha for _, alpha in drawn])
+    return stacked([image for image, _ in drawn]), stacked([alpha for _, alpha in drawn])
 
 
 NATIVE = Engine(name="cpu", device=CPU, blend=blend_natively, fused=True)

@@ -1,5 +1,6 @@
 """`rasterize`: differentiable alpha blending of any channels, by native/raster.cpp or, on a CUDA device, by gsplat."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import torch
@@ -93,6 +94,11 @@ def taken_raster(ctx: Any) -> _native.Raster:
     if raster is None:
         raise RuntimeError("a rendered view can be differentiated once: retain_graph does not work here")
     return raster
+
+
+def stacked(images: Sequence[Tensor]) -> Tensor:
+    """Images of several views with the view as first axis; of one view without a copy."""
+    return images[0][None] if len(images) == 1 else torch.stack(list(images))
 
 
 def native_camera(camera: Camera) -> _native.RasterCamera:

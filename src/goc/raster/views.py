@@ -75,6 +75,8 @@ def views_of(cameras: Sequence[Camera], device: torch.device) -> Views:
 
 def joined_views(parts: Sequence[Views]) -> Views:
     """All views of the parts, in order; their numbers stay on their device."""
+    if len(parts) == 1:
+        return parts[0]
     return Views(
         cameras=tuple(camera for part in parts for camera in part.cameras),
         cam_from_world=torch.cat([part.cam_from_world for part in parts]),

@@ -16,7 +16,7 @@ from torch import Tensor
 from goc.events import Listener, Progress, Warned
 from goc.geometry.alignment import CELLS, align, aligned_depth, slow_errors, spread
 from goc.reconstruct.config import Monocular
-from goc.reconstruct.losses import RenderedDepth
+from goc.reconstruct.losses.depth import RenderedDepth
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture, DepthKind, Frame, FrameSource, PointCloud
 
@@ -114,8 +114,9 @@ def refresh(
         return
     step = max(1, math.isqrt(frame.depth.numel() // _SAMPLES))
     at = (slice(step // 2, None, step),) * 2
-    seen = (shown.alpha[at] > _MIN_ALPHA) & (shown.denominator[at] > 1e-6)
-    depth = torch.where(seen, shown.numerator[at] / shown.denominator[at], torch.nan)
+    alpha, numerator, denominator = (image[0][at] for image in (shown.alpha, shown.numerator, shown.denominator))
+    seen = (alpha > _MIN_ALPHA) & (denominator > 1e-6)
+    depth = torch.where(seen, numerator / denominator, torch.nan)
     stored = frame.depth[at]
     field = spread(row[GRID].view(CELLS, CELLS), *stored.shape)
     line = align(stored.reshape(-1), (depth if fresh else depth / (1.0 + field)).reshape(-1), kind)

@@ -14,11 +14,11 @@ from goc.events import Listener, Progress, Warned, ignore
 from goc.priors.stereo import stereo_depths
 from goc.raster import CPU, Engine, choose_engine, render
 from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
 from goc.reconstruct.monocular import ALIGNMENT, KnownDepths, aligned_capture, start_alignment
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
-from goc.reconstruct.priors import geometry_priors
 from goc.reconstruct.seed import seed, splat_budget
 from goc.reconstruct.settle import settled
 from goc.reconstruct.state import State, initial_state

@@ -6,13 +6,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from goc import _native
 from goc.errors import ReconstructError
 from goc.files import read_tensors, write_tensors
 from goc.scene.gaussians import Gaussians
 
-BETA1, BETA2, EPSILON = 0.9, 0.999, 1e-15
-"""Adam's."""
 _SHARED = "classifier."
 """Prefix of parameters that have no row a splat."""
 
@@ -64,30 +61,6 @@ class State:
         parameters = {name: value.detach().to(device).requires_grad_() for name, value in self.parameters.items()}
         first, second = ({name: value.to(device) for name, value in m.items()} for m in (self.first, self.second))
         return State(parameters=parameters, first=first, second=second, step=self.step, views=self.views)
-
-    def adam(self, rates: dict[str, tuple[float, ...]]) -> None:
-        """One Adam step on every parameter that has a gradient; clears the gradients.
-
-        Args:
-            rates: step size of each column of a parameter's rows; the last one stands for all further columns.
-        """
-        for name, parameter in self.parameters.items():
-            if parameter.grad is None or parameter.numel() == 0:
-                continue
-            rows = parameter.detach().view(len(parameter), -1)
-            columns = list(rates[name]) + [rates[name][-1]] * (rows.shape[1] - len(rates[name]))
-            _native.adam(
-                rows,
-                parameter.grad.contiguous().view(rows.shape),
-                self.first[name].view(rows.shape),
-                self.second[name].view(rows.shape),
-                columns[: rows.shape[1]],
-                BETA1,
-                BETA2,
-                EPSILON,
-                self.step + 1,
-            )
-            parameter.grad = None
 
     def resize(self, source: Tensor) -> None:
         """Make row i of every per-splat parameter what row source[i] was; moments start from zero for copies."""

@@ -8,8 +8,8 @@ import torch
 
 from goc.raster import CPU, Engine
 from goc.reconstruct.config import ReconstructConfig
+from goc.reconstruct.geometry_prior import ViewPrior
 from goc.reconstruct.pairs import Pairs
-from goc.reconstruct.priors import ViewPrior
 from goc.scene.capture import Capture
 
 
@@ -38,14 +38,6 @@ class Task:
         """Names the capture and all settings: a checkpoint fits only the same."""
         described = {"config": asdict(self.config), "views": [self.capture.view_names[view] for view in self.views]}
         return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
-
-
-def not_finite(task: Task, view: int, step: int) -> str:
-    """What to tell of a loss that is not finite."""
-    return (
-        f"{task.capture.view_names[view]}: the loss is not finite at step {step}. "
-        "Check this view's depth and pose, or lower --reconstruct.rates."
-    )
 
 
 def generator_of(config: ReconstructConfig, *path: int, device: torch.device = CPU) -> torch.Generator:

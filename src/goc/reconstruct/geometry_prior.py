@@ -37,12 +37,12 @@ def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) 
             frame, shape = aligned_frame(given, row, kind), row[SHAPE].item()
         normals = frame.normals if with_normals else None
         if frame.depth is None:
-            nothing = torch.full(frame.image.shape[:2], torch.nan)
-            return None if normals is None else GeometryPrior(depth=nothing, normals=normals)
+            nothing = torch.full((1, *frame.image.shape[:2]), torch.nan)
+            return None if normals is None else GeometryPrior(depth=nothing, normals=normals[None])
         if with_normals and normals is None:
             depth = frame.depth if kind == "metric" else shape_of(given, row, kind)
             normals = normals_of(view, shape, depth, frame.camera)
-        return GeometryPrior(depth=frame.depth, normals=normals)
+        return GeometryPrior(depth=frame.depth[None], normals=None if normals is None else normals[None])
 
     return prior
 

@@ -1,7 +1,4 @@
-"""L_pho (Eq. 5) and L_geo in plain PyTorch: one pair of views on any device, any dtype, gradients by autograd.
-
-What `multiview` computes in native calls, and the twin of those in the tests. Nothing here waits for the device.
-"""
+"""One view carried into another by its depth, in PyTorch: where pixels land, and by how much the two disagree there."""
 
 from dataclasses import dataclass
 
@@ -11,45 +8,31 @@ from torch import Tensor
 from torch.nn import functional as F  # noqa: N812
 
 from goc.raster import Views
-from goc.reconstruct.multiview import PairWeights
+from goc.reconstruct.losses.depth import RenderedDepth, surface_shown
 
-_MIN_ALPHA, _MIN_DENOMINATOR = 0.5, 0.01
 _C1, _C2 = 1e-4, 9e-4
+"""Of SSIM, (0.01)² and (0.03)²."""
 _MAX_ERROR_PX = 1.0
 """Beyond, two depths show two surfaces."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Drawn:
-    """The view that is drawn: its depth as a fraction, and its photograph."""
+class Photograph:
+    """A posed image, 0 to 1."""
 
     views: Views
     """This one alone."""
-    numerator: Float[Tensor, "h w"]
-    denominator: Float[Tensor, "h w"]
-    alpha: Float[Tensor, "h w"]
     image: Float[Tensor, "3 h w"]
-    """0 to 1."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Beside:
-    """The neighbour that it is compared with, as `multiview.Neighbour`."""
-
-    views: Views
-    """This one alone."""
-    image: Float[Tensor, "3 i j"]
-    inverse_depth: Float[Tensor, "r c"]
-    stride: int = 1
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Landing:
+class Warp:
     """Where each pixel's point is in the neighbour, and the surface that is seen there."""
 
     places: Float[Tensor, "p 2"]
     """Pixels of the neighbour's photograph."""
     z: Float[Tensor, "p"]
+    """Of the point, in the neighbour's camera."""
     inverse: Float[Tensor, "p"]
     """1 / z of the surface there."""
     known: Bool[Tensor, "p"]
@@ -57,41 +40,46 @@ class Landing:
     """Known, and the four depths round the place are one surface."""
 
 
-def pair_losses(drawn: Drawn, beside: Beside, weights: PairWeights) -> Float[Tensor, ""]:
-    """λ_pho·L_pho + λ_geo·L_geo; see `multiview.multiview_loss` for what they are."""
-    landing = landing_of(drawn, beside, weights.tolerance)
-    loss = landing.z.new_zeros(())
-    if weights.photometric:
-        loss = loss + weights.photometric * _photometric(landing, drawn, beside, weights.tolerance)
-    if weights.geometric:
-        loss = loss + weights.geometric * _geometric(landing, drawn, beside)
-    return loss
+def warped(
+    depth: RenderedDepth,
+    here: Views,
+    there: Views,
+    inverse_depth: Float[Tensor, "i j"],
+    stride: int,
+    tolerance: float,
+) -> Warp:
+    """Carry every pixel of one view into a neighbour by its depth.
 
-
-def landing_of(drawn: Drawn, beside: Beside, tolerance: float) -> Landing:
-    """Carry every pixel into the neighbour by its depth."""
-    shown = (drawn.alpha > _MIN_ALPHA) & (drawn.denominator > _MIN_DENOMINATOR) & (drawn.numerator > 0)
-    depth = torch.where(shown, drawn.numerator, 1.0) / torch.where(shown, drawn.denominator, 1.0)
-    shown, depth = shown.reshape(-1), depth.reshape(-1)
-    there_from_here = _rigid(beside.views).to(depth.dtype) @ _inverse(_rigid(drawn.views)).to(depth.dtype)
-    points = (_rays(drawn.views).to(depth.dtype) * depth[:, None]) @ there_from_here[:3, :3].T + there_from_here[:3, 3]
+    Args:
+        depth: of the view, alone.
+        here: the view, alone.
+        there: the neighbour, alone.
+        inverse_depth: 1/z that the neighbour shows, 0 = none, of every `stride`-th pixel.
+        stride: odd.
+        tolerance: depths within this share of each other are one surface.
+    """
+    shown = surface_shown(depth)[0]
+    z = torch.where(shown, depth.numerator[0], 1.0) / torch.where(shown, depth.denominator[0], 1.0)
+    shown, z = shown.reshape(-1), z.reshape(-1)
+    there_from_here = (_rigid(there) @ _inverse(_rigid(here))).to(z.dtype)
+    points = (_rays(here).to(z.dtype) * z[:, None]) @ there_from_here[:3, :3].T + there_from_here[:3, 3]
     ahead = points[:, 2] > 0
-    z = torch.where(ahead, points[:, 2], 1.0)
-    places = _projected(points, z, beside.views)
-    found, inside, low, high = _sampled(beside.inverse_depth[None], places / beside.stride)
+    there_z = torch.where(ahead, points[:, 2], 1.0)
+    places = _projected(points, there_z, there)
+    found, inside, low, high = _sampled(inverse_depth[None], places / stride)
     known = shown & ahead & inside & (low[0] > 0)
     smooth = known & (high[0] <= (1 + tolerance) * low[0])
-    return Landing(places=places, z=z, inverse=found[0], known=known, smooth=smooth)
+    return Warp(places=places, z=there_z, inverse=found[0], known=known, smooth=smooth)
 
 
-def _photometric(landing: Landing, drawn: Drawn, beside: Beside, tolerance: float) -> Float[Tensor, ""]:
+def photometric_error(warp: Warp, here: Photograph, there: Photograph, tolerance: float) -> Float[Tensor, ""]:
     """Mean of 0.85·(1 - SSIM)/2 + 0.15·|C - C̃| over pixels whose 3×3 block is in the neighbour and not hidden there."""
-    size = drawn.image.shape[1:]
-    colours, inside, _, _ = _sampled(beside.image, landing.places)
+    size = here.image.shape[1:]
+    colours, inside, _, _ = _sampled(there.image, warp.places)
     # The neighbour's surface decides what is hidden; it is not moved by what hides behind it.
-    seen = (landing.known & inside & (landing.z * landing.inverse.detach() <= 1 + tolerance)).view(size)
+    seen = (warp.known & inside & (warp.z * warp.inverse.detach() <= 1 + tolerance)).view(size)
     x = torch.where(seen, colours.view(3, *size), 0.0)[:, None]
-    y = torch.where(seen, drawn.image, 0.0)[:, None]
+    y = torch.where(seen, here.image, 0.0)[:, None]
     mx, my = _block_mean(x), _block_mean(y)
     xx, yy, xy = _block_mean(x * x) - mx * mx, _block_mean(y * y) - my * my, _block_mean(x * y) - mx * my
     ssim = ((2 * mx * my + _C1) * (2 * xy + _C2)) / ((mx * mx + my * my + _C1) * (xx + yy + _C2))
@@ -100,19 +88,20 @@ def _photometric(landing: Landing, drawn: Drawn, beside: Beside, tolerance: floa
     return _mean_of_many(terms[:, 0].mean(0), whole, seen.numel())
 
 
-def _geometric(landing: Landing, drawn: Drawn, beside: Beside) -> Float[Tensor, ""]:
+def geometric_error(warp: Warp, here: Views, there: Views) -> Float[Tensor, ""]:
     """Mean of exp(-e)·e over pixels that land on a surface; 0 from one pixel on. Only e is optimised."""
-    far = 1.0 / torch.where(landing.smooth, landing.inverse, 1.0)
-    there = (landing.places - beside.views.centre_px[0]) / beside.views.focal_px[0]
-    points = torch.cat([there * far[:, None], far[:, None]], -1)
-    here_from_there = _rigid(drawn.views).to(far.dtype) @ _inverse(_rigid(beside.views)).to(far.dtype)
+    far = 1.0 / torch.where(warp.smooth, warp.inverse, 1.0)
+    across = (warp.places - there.centre_px[0]) / there.focal_px[0]
+    points = torch.cat([across * far[:, None], far[:, None]], -1)
+    here_from_there = (_rigid(here) @ _inverse(_rigid(there))).to(far.dtype)
     returned = points @ here_from_there[:3, :3].T + here_from_there[:3, 3]
-    met = landing.smooth & (returned[:, 2] > 0)
-    returned = torch.where(met[:, None], returned, _rays(drawn.views).to(far.dtype))
-    start = _projected(_rays(drawn.views).to(far.dtype), far.new_ones(()), drawn.views)
-    error = (_projected(returned, returned[:, 2], drawn.views) - start).norm(dim=-1)
+    met = warp.smooth & (returned[:, 2] > 0)
+    rays = _rays(here).to(far.dtype)
+    returned = torch.where(met[:, None], returned, rays)
+    start = _projected(rays, far.new_ones(()), here)
+    error = (_projected(returned, returned[:, 2], here) - start).norm(dim=-1)
     terms = torch.where(met & (error < _MAX_ERROR_PX), torch.exp(-error.detach()) * error, 0.0)
-    return _mean_of_many(terms, landing.smooth, terms.numel())
+    return _mean_of_many(terms, warp.smooth, terms.numel())
 
 
 def _mean_of_many(values: Float[Tensor, "*s"], known: Bool[Tensor, "*s"], pixels: int) -> Float[Tensor, ""]:

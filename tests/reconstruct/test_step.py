@@ -1,8 +1,11 @@
-"""Steps in plain PyTorch: the same optimisation as the native steps, on whatever device the engine has.
+"""A training step: in native kernels, and in plain PyTorch as on a device, it is the same optimisation.
 
-On the processor `blend_natively` stands for gsplat, so that everything but gsplat's own kernels is run here.
+For the latter the processor stands for the device: its engine is not fused, nothing is dispatched to native kernels,
+and `blend_natively` stands for gsplat, so that everything but gsplat's own kernels is run here.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
 import pytest
@@ -13,13 +16,14 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
 from goc.raster import CPU, NATIVE
-from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, reconstruct
-from goc.reconstruct.device_step import DeviceSteps, adam, add_penalties
-from goc.reconstruct.device_views import DeviceViews
-from goc.reconstruct.losses import GeometryPrior
-from goc.reconstruct.optimise import _add_penalties
+from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig
+from goc.reconstruct import reconstruct as reconstruct_with
+from goc.reconstruct.adam import adam
+from goc.reconstruct.losses.penalties import add_penalties
 from goc.reconstruct.state import initial_state
-from goc.scene import Capture, Gaussians
+from goc.reconstruct.step import TrainingStep
+from goc.reconstruct.training_views import UploadedViews
+from goc.scene import Capture, Gaussians, Reconstruction
 
 ON_DEVICE = replace(NATIVE, fused=False)
 STILL = Mcmc(max_splats=600, every=5, noise=0.0)
@@ -37,6 +41,19 @@ VARIANTS = {
     "rendered": replace(BASE, multiview=replace(BASE.multiview, neighbour_depth="rendered")),
     "depth alone": replace(BASE, losses=LossWeights(depth_normal=0.0, photometric=0.0)),
 }
+
+
+@contextmanager
+def in_plain_torch() -> Iterator[None]:
+    """Dispatch nothing to native kernels."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("goc.reconstruct.kernels.natively", lambda tensor: False)
+        yield
+
+
+def reconstruct(capture: Capture, *arguments, engine, **named) -> Reconstruction:
+    with nullcontext() if engine.fused else in_plain_torch():
+        return reconstruct_with(capture, *arguments, engine=engine, **named)
 
 
 @pytest.fixture(scope="module")
@@ -74,8 +91,9 @@ def test_adam_is_the_native_one():
     rates = {name: (0.1 * place,) for place, name in enumerate(random_state().parameters, 1)}
     rates["sh"] = (0.1, 0.1, 0.1, 0.7)
     native, device = random_state(), random_state()
-    native.adam(rates)
-    adam(device, rates)
+    adam(native, rates)
+    with in_plain_torch():
+        adam(device, rates)
     for name, parameter in native.parameters.items():
         assert torch.allclose(parameter, device.parameters[name], rtol=1e-5, atol=1e-6), name
         assert torch.allclose(native.first[name], device.first[name], rtol=1e-5, atol=1e-6), name
@@ -88,8 +106,9 @@ def test_penalties_are_the_native_ones():
     for state in (native, device):
         state.parameters["opacity_logits"].grad[::3] = 0.0  # not in view
     before = device.parameters["log_scales"].grad.clone()
-    _add_penalties(native, BASE)
-    add_penalties(device, BASE.mcmc)
+    add_penalties(native.parameters["opacity_logits"], native.parameters["log_scales"], BASE.mcmc)
+    with in_plain_torch():
+        add_penalties(device.parameters["opacity_logits"], device.parameters["log_scales"], BASE.mcmc)
     for name in ("opacity_logits", "log_scales"):
         assert torch.allclose(native.parameters[name].grad, device.parameters[name].grad, atol=1e-6), name
     assert torch.equal(before[::3], device.parameters["log_scales"].grad[::3])
@@ -157,23 +176,24 @@ class Asynchronous(TorchDispatchMode):
 
 
 def test_steps_between_looks_never_wait_for_the_device(capture, monkeypatch):
-    step, calls = DeviceSteps.__call__, []
+    step, calls = TrainingStep.__call__, []
 
     def refused(*arguments, **named):
         raise AssertionError("a step waits for the device")
 
-    def guarded(self, state, rates):
+    def guarded(self, state):
         if not 16 <= state.step < 39:  # views are on their way, or it is a look
-            return step(self, state, rates)
+            return step(self, state)
         calls.append(state.step)
-        self._order = lambda task, number: [task.views[number % 8]]  # the true one draws on the processor
         with monkeypatch.context() as patch, Asynchronous():
             for name in ("tolist", "cpu", "numpy"):
                 patch.setattr(torch.Tensor, name, refused)
-            patch.setattr("goc.reconstruct.device_step.neighbour_of_step", lambda *given: (given[3] + 1) % 8)
-            return step(self, state, rates)
+            # the true ones draw on the processor
+            patch.setattr("goc.reconstruct.step.views_of_step", lambda task, number: [task.views[number % 8]])
+            patch.setattr("goc.reconstruct.pair_loss.neighbour_of_step", lambda *given: (given[3] + 1) % 8)
+            return step(self, state)
 
-    monkeypatch.setattr(DeviceSteps, "__call__", guarded)
+    monkeypatch.setattr(TrainingStep, "__call__", guarded)
     early = replace(BASE.multiview, start=0.3)  # every view is remembered when the first of these steps comes
     config = replace(BASE, iterations=40, mcmc=replace(STILL, every=1000), multiview=early)
     reconstruct(capture, config, engine=replace(ON_DEVICE, blend=haze))
@@ -182,16 +202,16 @@ def test_steps_between_looks_never_wait_for_the_device(capture, monkeypatch):
 
 def test_views_that_do_not_fit_are_brought_again(capture, monkeypatch):
     kept = reconstruct(capture, replace(BASE, iterations=12), engine=ON_DEVICE).gaussians
-    loads, start = [], DeviceViews.__init__
+    loads, start = [], UploadedViews.__init__
 
     def small(self, task, device):
         start(self, task, device)
-        self._room = 2 * 15 * 64 * 48
+        self._room = 2 * (3 + 4 + 3) * 64 * 48 + 1000  # colour, depth, normals; and poses
         load = task.capture.frames
         counting = replace(task.capture, frames=lambda index: loads.append(index) or load(index))
         self._task = replace(task, capture=counting)
 
-    monkeypatch.setattr(DeviceViews, "__init__", small)
+    monkeypatch.setattr(UploadedViews, "__init__", small)
     streamed = reconstruct(capture, replace(BASE, iterations=12), engine=ON_DEVICE).gaussians
     assert torch.equal(kept.means, streamed.means)
     counts = sorted(loads.count(view) for view in range(8))
@@ -238,16 +258,3 @@ def test_a_loss_that_is_not_finite_is_named_at_the_next_look(capture):
 
     with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
         reconstruct(replace(capture, frames=spoilt), BASE, engine=ON_DEVICE)
-
-
-def test_bytes_and_floats_are_the_same_normals(capture):
-    from goc.reconstruct.device_views import _unit_normals
-
-    given = torch.nn.functional.normalize(torch.randn(4, 5, 3), dim=-1)
-    given[0] = torch.nan
-    packed = torch.nan_to_num(given * 100).round().to(torch.int8)
-    depth = torch.ones(4, 5)
-    floats, octets = (_unit_normals(GeometryPrior(depth=depth, normals=n)) for n in (given, packed))
-    assert torch.equal(torch.isnan(floats), torch.isnan(octets))
-    assert (floats - octets)[1:].abs().max() < 0.01
-    assert _unit_normals(None) is None and CPU.type == "cpu"
