@@ -9,7 +9,7 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
 from goc.raster import CPU, NATIVE, views_of
-from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, reconstruct
+from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, pair_loss, reconstruct
 from goc.reconstruct.depth import draw_depth
 from goc.reconstruct.losses import inverse_depth
 from goc.reconstruct.losses.warp import warped
@@ -104,6 +104,17 @@ def test_depths_are_remembered_an_epoch_before_the_start(capture):
     assert 0.2 < drawn[drawn > 0].median().item() < 2.0  # one over metres
     rendered = optimised(capture, replace(RENDERED, iterations=12))
     assert rendered.views == {}
+
+
+def test_an_epoch_before_the_start_is_fewer_steps_of_more_views(capture):
+    """Four views a step: all eight are drawn in steps 10 and 11, the last two before the start."""
+    steps = []
+    late = replace(QUICK, iterations=12, views_a_step=4, checkpoint_every=0, multiview=replace(WIDE, start=1.0))
+    with pytest.MonkeyPatch.context() as patch:
+        remember = pair_loss._remember
+        patch.setattr(pair_loss, "_remember", lambda *given: steps.append(given[2].step) or remember(*given))
+        state = optimised(capture, late)
+    assert len(state.views) == 8 and steps == [10] * 4 + [11] * 4
 
 
 def test_views_come_to_agree_and_photographs_find_the_surface(capture):

@@ -16,12 +16,15 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
 from goc.raster import CPU, NATIVE
-from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig
+from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, geometry_prior
 from goc.reconstruct import reconstruct as reconstruct_with
 from goc.reconstruct.adam import adam
 from goc.reconstruct.losses.penalties import add_penalties
+from goc.reconstruct.monocular import EPOCH
+from goc.reconstruct.schedule import epoch_of_step, steps_of_epoch, views_of_step
 from goc.reconstruct.state import initial_state
 from goc.reconstruct.step import TrainingStep
+from goc.reconstruct.task import Task
 from goc.reconstruct.training_views import UploadedViews
 from goc.scene import Capture, Gaussians, Reconstruction
 
@@ -232,19 +235,71 @@ def test_a_checkpoint_of_one_engine_goes_on_with_another(capture, tmp_path):
     assert resumed.metrics["train_psnr_db"] == pytest.approx(whole.metrics["train_psnr_db"], abs=0.1)
 
 
-def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
-    """Views that nothing is known of wait for the splats; then all are compared."""
+def halved(capture: Capture) -> Capture:
+    """The capture with half its depth, called affine."""
 
-    def halved(index):
+    def load(index):
         frame = capture[index]
         return replace(frame, depth=0.5 * frame.depth, normals=None)
 
-    affine = replace(capture, frames=halved, depth_kind="affine", points=None)
+    return replace(capture, frames=load, depth_kind="affine", points=None)
+
+
+def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
+    """Views that nothing is known of wait for the splats; then all are compared."""
     depths = {view: (capture.cameras[view], capture[view].depth) for view in range(4)}
     config = replace(BASE, monocular=Monocular(settle=False))
-    found = [reconstruct(affine, config, known_depths=lambda: depths, engine=e) for e in (NATIVE, ON_DEVICE)]
+    found = [reconstruct(halved(capture), config, known_depths=lambda: depths, engine=e) for e in (NATIVE, ON_DEVICE)]
     apart = (found[0].gaussians.means - found[1].gaussians.means).norm(dim=-1)
     assert apart.median() < 1e-3
+
+
+def test_epochs_are_counted_in_views_not_in_steps(capture, monkeypatch):
+    """Eight views, four a step: an epoch is two steps, in which every view's alignment is fitted again."""
+    depths = {view: (capture.cameras[view], capture[view].depth) for view in range(8)}
+    config = replace(BASE, views_a_step=4, iterations=12, monocular=Monocular(settle=False, refresh_every=1))
+    refresh, runs = geometry_prior.refresh, {}
+
+    def watched(row, frame, kind, shown, epoch, monocular):
+        before = row[EPOCH].item()
+        refresh(row, frame, kind, shown, epoch, monocular)
+        log.append((epoch, before, row[EPOCH].item()))
+
+    monkeypatch.setattr(geometry_prior, "refresh", watched)
+    for engine in (NATIVE, ON_DEVICE):
+        log = []
+        runs[engine] = reconstruct(halved(capture), config, known_depths=lambda: depths, engine=engine), log
+    (native, epochs), (device, same_epochs) = runs.values()
+    assert epochs == same_epochs
+    assert [epoch for epoch, _, _ in epochs] == [step // 2 for step in range(12) for _ in range(4)]
+    assert all(after == epoch for epoch, _, after in epochs)
+    assert all(before == max(epoch - 1, 0) for epoch, before, _ in epochs)
+    assert (native.gaussians.means - device.gaussians.means).norm(dim=-1).median() < 1e-3
+
+
+def task_of(capture: Capture, views: list[int], config: ReconstructConfig) -> Task:
+    return Task(
+        capture=capture,
+        views=views,
+        names=[],
+        extent=1.0,
+        budget=600,
+        pairs=None,
+        prior=lambda *_: None,
+        config=config,
+        engine=NATIVE,
+    )
+
+
+@pytest.mark.parametrize(("views", "a_step", "steps"), [(8, 1, 8), (8, 4, 2), (8, 3, 3), (8, 16, 1)])
+def test_an_epoch_takes_as_many_steps_as_its_views_need(capture, views, a_step, steps):
+    task = task_of(capture, list(range(views)), replace(BASE, views_a_step=a_step))
+    assert steps_of_epoch(task) == steps
+    drawn = [view for step in range(views) for view in views_of_step(task, step)]
+    for epoch in range(a_step):
+        assert sorted(drawn[epoch * views : (epoch + 1) * views]) == task.views
+    for step in range(views):
+        assert epoch_of_step(task, step) == step * a_step // views
 
 
 def test_a_loss_that_is_not_finite_is_named_at_the_next_look(capture):
