@@ -119,7 +119,7 @@ def carve_seconds(room: Path, preset: str) -> dict[str, float]:
     """Seconds of a whole run, by stage and together with its start, and what it reached."""
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
-        words = ["carve", str(room), "--out", str(out), "--preset", preset, "--reconstruct.engine", "cuda"]
+        words = ["carve", str(room), "--out", str(out), "--preset", preset, "--device", "cuda"]
         started = time.perf_counter()
         subprocess.run([sys.executable, "-m", "goc.cli", *words], check=True, stdout=subprocess.DEVNULL)
         whole = time.perf_counter() - started

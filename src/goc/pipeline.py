@@ -7,12 +7,13 @@ import torch
 
 from goc.capture import CaptureConfig, load_capture
 from goc.complete import CompleteConfig, check_completion, complete_objects
+from goc.device import DeviceName, working_device
 from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
 from goc.files.layout import OVERVIEW, REPORT
 from goc.priors.segmentation import SegmentConfig, segment
-from goc.raster import CPU, choose_engine, working_device
+from goc.raster import choose_engine
 from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
 from goc.report import write_overview, write_report
 from goc.runs import RunRecord, claim_output
@@ -23,6 +24,9 @@ from goc.scene import Capture, Reconstruction, Scene
 class CarveConfig:
     """All settings of a run, by stage."""
 
+    device: DeviceName = "auto"
+    """Where splats are drawn and optimised, views fused and networks asked. auto: a CUDA device if gsplat works there
+    (a trial view decides), else the processor."""
     capture: CaptureConfig = field(default_factory=CaptureConfig)
     """Reading the capture."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
@@ -69,13 +73,13 @@ def carve(
         resume: continue the stopped run in `out`; starts from the beginning where there is none.
 
     Raises:
-        EngineError: `config.reconstruct.engine` is cuda and does not work here.
+        EngineError: `config.device` is cuda and does not work here.
         GocError: a subclass for each stage. What was in `out` is then as it was before.
     """
     config = config or PRESETS["fast"]
     check_completion(config.complete)
     run = RunRecord(notify)
-    engine = choose_engine(config.reconstruct.engine, run)
+    engine = choose_engine(config.device, run)
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):
             capture = given = load_capture(source, config.capture, run)
@@ -91,13 +95,11 @@ def carve(
         with run.stage("extract"):
             scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
         with run.stage("complete"):
-            device = CPU if config.reconstruct.engine == "cpu" else working_device()  # a network needs no gsplat
-            scene = complete_objects(scene, config.complete, run, device)
+            scene = complete_objects(scene, config.complete, run, working_device(config.device))
         with run.stage("export"):
             export_scene(output.staged, scene)
             write_overview(output.staged / OVERVIEW, scene, views, _title(source), config.export.overview_views, run)
-        used = replace(config, reconstruct=replace(config.reconstruct, engine=engine.name))
-        write_report(output.staged / REPORT, source, given, scene, run, used)
+        write_report(output.staged / REPORT, source, given, scene, run, replace(config, device=engine.name))
         output.publish()
     return scene
 

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from boxrooms import box_room, cube, table
+from goc.device import CPU
 from goc.extract import ExtractConfig, extract_objects, fuse_scene
 from goc.fusion import device_volume
 from goc.fusion.depth_views import depth_view
 from goc.fusion.device_volume import DeviceVolume, fuse_views, on_device
 from goc.fusion.volume import BlockGrid
-from goc.raster import CPU
 from goc.scene import Frame
 
 VOXEL = 0.03

@@ -7,8 +7,9 @@ import torch
 
 from cameras import pinhole, turned
 from goc import _native
+from goc.device import CPU
 from goc.geometry.harmonics import colours_towards
-from goc.raster import CPU, NATIVE, BlendedViews, blend_views, centre_depths, plane_channels, rasterize, views_of
+from goc.raster import NATIVE, BlendedViews, blend_views, centre_depths, plane_channels, rasterize, views_of
 from goc.scene import Camera, Gaussians
 
 VIEW = pinhole((38.0, 41.0), (43, 29), (19.3, 14.8), turned((0.98, 0.1, -0.12, 0.07), (0.1, -0.2, 0.3)))

@@ -9,7 +9,8 @@ import torch
 
 from cameras import pinhole
 from goc import _native
-from goc.raster import CPU, NATIVE, BlendedViews, blend_views, rasterize, views_of
+from goc.device import CPU
+from goc.raster import NATIVE, BlendedViews, blend_views, rasterize, views_of
 from goc.scene import Camera, Gaussians
 
 VIEW = pinhole((38.0, 41.0))

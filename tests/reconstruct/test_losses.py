@@ -7,7 +7,7 @@ import torch
 
 from cameras import pinhole
 from goc.geometry.rays import pixel_rays
-from goc.raster import CPU, Views, views_of
+from goc.raster import Views, views_of
 from goc.reconstruct.losses import (
     GeometryPrior,
     RenderedDepth,

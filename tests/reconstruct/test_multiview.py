@@ -9,8 +9,9 @@ from torch import Tensor
 
 from cameras import pinhole, placed
 from goc import _native
+from goc.device import CPU
 from goc.geometry.rays import pixel_rays
-from goc.raster import CPU, views_of
+from goc.raster import views_of
 from goc.reconstruct.losses import Neighbour, PairWeights, RenderedDepth, inverse_depth
 from goc.reconstruct.losses import multiview_loss as loss_of_pair
 from goc.scene import Camera, Frame

@@ -7,8 +7,9 @@ import torch
 
 import captures
 from goc.capture import CaptureConfig, load_capture
+from goc.device import CPU
 from goc.errors import ConfigError
-from goc.raster import CPU, NATIVE, views_of
+from goc.raster import NATIVE, views_of
 from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, pair_loss, reconstruct
 from goc.reconstruct.depth import draw_depth
 from goc.reconstruct.losses import inverse_depth

@@ -14,8 +14,9 @@ from torch.utils._python_dispatch import TorchDispatchMode
 
 import captures
 from goc.capture import CaptureConfig, load_capture
+from goc.device import CPU
 from goc.errors import ConfigError, ReconstructError
-from goc.raster import CPU, NATIVE
+from goc.raster import NATIVE
 from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, geometry_prior
 from goc.reconstruct import reconstruct as reconstruct_with
 from goc.reconstruct.adam import adam

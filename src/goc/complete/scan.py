@@ -12,11 +12,11 @@ from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
 from goc.complete.stage import model_fill, network_for
 from goc.complete.viewpoint import carve_free_space, facing
+from goc.device import working_device
 from goc.errors import CompleteError
 from goc.events import Listener, Warned, ignore
 from goc.geometry.orientation import point_normals
 from goc.geometry.topology import watertight_flaw
-from goc.raster import working_device
 from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh, PointCloud
 
 _FEWEST, _MOST = 50, 200_000

@@ -15,11 +15,11 @@ from goc.complete.lite import OscLite
 from goc.complete.osc import Osc
 from goc.complete.partial import Completer, bounding_cube, partial_object
 from goc.complete.weights import SHIPPED, load_network
+from goc.device import CPU
 from goc.errors import CompleteError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.geometry.surfaces import vertex_normals
 from goc.geometry.topology import watertight_flaw
-from goc.raster import CPU
 from goc.scene import Evidence, EvidenceGrid, Scene, SceneObject
 
 _SEAM_VOXELS = 4

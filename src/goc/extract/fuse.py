@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
+from goc.device import CPU
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
 from goc.extract.clean import without_floaters
@@ -14,7 +15,6 @@ from goc.fusion.cell_counts import CellCounts, count_cells
 from goc.fusion.depth_views import depth_views
 from goc.fusion.device_volume import fuse_views
 from goc.fusion.volume import BlockGrid, Volume, blocks_near, fused_surface
-from goc.raster import CPU
 from goc.scene import Capture, Mesh
 
 _SCENE_FLOATER_SHARE = 1e-4

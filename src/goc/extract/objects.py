@@ -6,6 +6,7 @@ import numpy as np
 import torch
 from jaxtyping import Int32
 
+from goc.device import CPU
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
 from goc.extract.clean import without_floaters
@@ -16,7 +17,6 @@ from goc.fusion.depth_views import DepthView, depth_views
 from goc.fusion.device_volume import fuse_views
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import BlockGrid, FusedSurface, Volume, blocks_near, fused_surface
-from goc.raster import CPU
 from goc.scene import ROOM, Capture, EvidenceGrid, FlaggedMesh, SceneObject
 
 _CELL = 0.02

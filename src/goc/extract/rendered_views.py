@@ -6,7 +6,8 @@ import torch
 from jaxtyping import Float, Int16
 from torch import Tensor
 
-from goc.raster import CPU, render_surface
+from goc.device import CPU
+from goc.raster import render_surface
 from goc.scene.cache import ViewCache
 from goc.scene.camera import Camera
 from goc.scene.capture import UNLABELLED, Capture, Frame, FrameSource

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import torch
 
+from goc.device import CPU
 from goc.events import Listener, ignore
 from goc.extract.config import ExtractConfig, WorldConfig
 from goc.extract.fuse import fuse_scene
 from goc.extract.objects import extract_objects
 from goc.extract.world import find_world
-from goc.raster import CPU
 from goc.scene import Capture, Reconstruction, Scene
 
 

@@ -1,18 +1,16 @@
 """The splat engine: one call, `rasterize`; everything that the paper renders is a choice of channels."""
 
 from goc.raster.blend import BlendedViews, blend_views
-from goc.raster.engine import CPU, NATIVE, Engine, EngineName, choose_engine, cuda_flaw, working_device
+from goc.raster.engine import NATIVE, Engine, choose_engine, cuda_flaw
 from goc.raster.rasterize import median_splats, rasterize, rasterize_with_median, stacked
 from goc.raster.render import centre_depths, plane_channels, plane_depth, render, render_labels
 from goc.raster.surface import RenderedSurface, render_surface
 from goc.raster.views import Views, joined_views, view_channels, views_of
 
 __all__ = [
-    "CPU",
     "NATIVE",
     "BlendedViews",
     "Engine",
-    "EngineName",
     "RenderedSurface",
     "Views",
     "blend_views",
@@ -31,5 +29,4 @@ __all__ = [
     "stacked",
     "view_channels",
     "views_of",
-    "working_device",
 ]

@@ -1,4 +1,4 @@
-"""Which engine draws the splats of a run: this processor, or a CUDA device that has shown that it can."""
+"""The two engines that draw splats, and the trial that decides whether the one on a CUDA device is used."""
 
 import contextlib
 import io
@@ -11,24 +11,17 @@ import torch
 from jaxtyping import Float
 from torch import Tensor
 
-from goc.errors import EngineError
-from goc.events import Listener, Progress, Warned, ignore
+from goc.device import CPU, FIRST, DeviceName, choose_device
+from goc.events import Listener, Progress, ignore
 from goc.raster.gsplat_engine import blend_with_gsplat
 from goc.raster.rasterize import rasterize, stacked
 from goc.raster.views import Views, views_of
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
-EngineName = Literal["auto", "cpu", "cuda"]
 Blend = Callable[[Gaussians, Views, Float[Tensor, "v n c"]], tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]]
 """Draws per-view channels of splats into several views, as `rasterize` does into one."""
 
-CPU, FIRST = torch.device("cpu"), torch.device("cuda", 0)
-"""CUDA_VISIBLE_DEVICES says which one is the first."""
-REMEDY = (
-    "It takes a PyTorch for CUDA, gsplat (pip install goc[cuda]) and CUDA's nvcc to compile it: see docs/guide/gpu.md. "
-    "--reconstruct.engine cpu needs none of them."
-)
 _TOLERANCE = 1e-2
 """Of the trial, as a share of the largest value: a wrong convention is off by far more, rounding by far less."""
 _SPLATS, _CHANNELS = 24, 8
@@ -57,25 +50,17 @@ def blend_natively(
 NATIVE = Engine(name="cpu", device=CPU, blend=blend_natively, fused=True)
 
 
-def choose_engine(wanted: EngineName, notify: Listener = ignore) -> Engine:
-    """The engine of a run, found out by trying.
+CUDA = Engine(name="cuda", device=FIRST, blend=blend_with_gsplat, fused=False)
 
-    Args:
-        wanted: auto takes a CUDA device where there is one that draws as the processor does.
-        notify: hears of a device that is there and was tried, and why it is not used.
+
+def choose_engine(wanted: DeviceName, notify: Listener = ignore) -> Engine:
+    """The engine of a run: gsplat's on a CUDA device that draws as the processor does, as `choose_device` finds out.
 
     Raises:
         EngineError: cuda is wanted and does not work.
     """
-    if wanted == "cpu" or (wanted == "auto" and not torch.cuda.is_available()):
-        return NATIVE
-    flaw = cuda_flaw(notify)
-    if flaw is None:
-        return Engine(name="cuda", device=FIRST, blend=blend_with_gsplat, fused=False)
-    if wanted == "cuda":
-        raise EngineError(f"--reconstruct.engine cuda cannot run here: {flaw}. {REMEDY}")
-    notify(Warned(stage="engine", message=f"CUDA device not used, the processor draws: {flaw}. {REMEDY}"))
-    return NATIVE
+    device = choose_device(wanted, lambda device: cuda_flaw(notify), notify)
+    return NATIVE if device == CPU else CUDA
 
 
 def cuda_flaw(notify: Listener = ignore) -> str | None:
@@ -118,16 +103,6 @@ def gsplat_version() -> str:
         return f"gsplat {version('gsplat')}"
     except PackageNotFoundError:
         return "gsplat"
-
-
-def working_device() -> torch.device:
-    """A CUDA device that multiplies two matrices, or the processor: for what needs PyTorch alone."""
-    try:
-        device = FIRST if torch.cuda.is_available() else CPU
-        ones = torch.ones(8, 8, device=device)
-        return device if (ones @ ones)[0, 0].item() == 8.0 else CPU
-    except (RuntimeError, AssertionError):  # a driver or a device that this PyTorch was not built for
-        return CPU
 
 
 def _trial(blend: Blend, device: torch.device) -> dict[str, Tensor]:

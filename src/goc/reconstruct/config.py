@@ -5,7 +5,6 @@ from typing import Annotated, Literal
 
 from goc.errors import ConfigError
 from goc.priors.config import StereoConfig
-from goc.raster import EngineName
 from goc.settings import Amount, Count, CountOrNone, OpenShare, Positive, Range, Seed, Settings, Share
 
 
@@ -143,9 +142,6 @@ class Monocular(Settings):
 class ReconstructConfig(Settings):
     """How splats are optimised (paper §4)."""
 
-    engine: EngineName = "auto"
-    """What draws the splats, and where later stages compute. auto: a CUDA device if gsplat works there (a trial view
-    decides), else the processor."""
     iterations: Count = 2000
     """Optimisation steps."""
     views_a_step: Count = 1

@@ -9,10 +9,11 @@ import torch
 from jaxtyping import Int16
 from torch import Tensor
 
+from goc.device import CPU
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.priors.stereo import stereo_depths
-from goc.raster import CPU, Engine, choose_engine, render
+from goc.raster import NATIVE, Engine, render
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
@@ -37,7 +38,7 @@ def reconstruct(
     checkpoint: Path | None = None,
     resume: bool = False,
     known_depths: Callable[[], KnownDepths] | None = None,
-    engine: Engine | None = None,
+    engine: Engine = NATIVE,
 ) -> Reconstruction:
     """Optimise labelled Gaussians that show what the capture shows (paper §4).
 
@@ -49,14 +50,13 @@ def reconstruct(
         resume: continue from that file; bit-equal to an uninterrupted run on a CPU.
         known_depths: what monocular depth is aligned with before the start, beside the capture's points; stereo if None
             and these are few.
-        engine: what draws; chosen as `config.engine` says if None. What comes out is on the processor.
+        engine: what draws. What comes out is on the processor.
 
     Raises:
-        EngineError: the engine that was asked for does not work here.
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
     """
     with _one_torch_thread():
-        task = _task(capture, config, notify, engine or choose_engine(config.engine, notify))
+        task = _task(capture, config, notify, engine)
         return _reconstruct(task, notify, checkpoint, resume, known_depths)
 
 

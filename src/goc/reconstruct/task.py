@@ -6,7 +6,8 @@ from dataclasses import asdict, dataclass
 import msgspec
 import torch
 
-from goc.raster import CPU, Engine
+from goc.device import CPU
+from goc.raster import Engine
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.geometry_prior import ViewPrior
 from goc.reconstruct.pairs import Pairs

@@ -8,7 +8,8 @@ import torch
 from jaxtyping import Int16, UInt8
 from torch import Tensor
 
-from goc.raster import CPU, Engine, Views, views_of
+from goc.device import CPU
+from goc.raster import Engine, Views, views_of
 from goc.reconstruct.losses import GeometryPrior, RenderedDepth
 from goc.reconstruct.monocular import ALIGNMENT, SCALE
 from goc.reconstruct.task import Task
