@@ -1,7 +1,7 @@
 """Every numeric setting of every command: a value is in its range, or refused in one line that names the flag."""
 
 from dataclasses import fields, is_dataclass
-from typing import get_args, get_type_hints
+from typing import get_args, get_origin, get_type_hints
 
 import pytest
 
@@ -52,6 +52,12 @@ def numeric_fields(kind):
                 yield group, item.name, numbers.pop()
 
 
+def width_of(group, name):
+    """Numbers that a setting takes."""
+    hint = get_type_hints(group)[name]
+    return max((len(get_args(part)) for part in parts(hint) if get_origin(part) is tuple), default=1)
+
+
 def settings_of(command):
     kind, _ = COMMANDS[command]
     flags = flags_of(kind)
@@ -81,7 +87,7 @@ def test_every_numeric_setting_states_its_range_and_stands_once(command):
 def test_every_value_is_in_range_or_refused_in_one_line(capsys, command, flag, group, name, number):
     for value in VALUES[number]:
         model = flag[2:].partition(".")[0]
-        words = [flag, *[value] * (3 if name == "viewpoint" else 1)] + ["--model", model] * (model in MODELS)
+        words = [flag, *[value] * width_of(group, name)] + ["--model", model] * (model in MODELS)
         code = guarded(lambda words=words: 0 if read(command, words) else 1, debug=False)
         said = capsys.readouterr().err
         if code == 0:
