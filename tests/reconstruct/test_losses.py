@@ -6,6 +6,7 @@ import pytest
 import torch
 
 from cameras import pinhole
+from goc.device import CPU
 from goc.geometry.rays import pixel_rays
 from goc.raster import Views, views_of
 from goc.reconstruct.losses import (
