@@ -126,7 +126,7 @@ class Prism:
 
 @dataclass(frozen=True, eq=False)
 class Lathe:
-    """A simple polygon of (radius, z) turned round z: bowls, bottles, shades, cones."""
+    """A simple polygon of (radius, z) turned round z: bowls, bottles, shades. Edges that end on the axis are level."""
 
     profile: Float[np.ndarray, "k 2"]
 
