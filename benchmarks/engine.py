@@ -20,9 +20,9 @@ from typing import Any
 import torch
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.geometry.rotations import quats_towards
 from goc.raster import rasterize
-from goc.raster.rasterize import native_camera
 from goc.reconstruct.labels import votes_of_view
 from goc.scene import Camera, Capture, Frame, Gaussians, StoredFrames
 

@@ -21,13 +21,14 @@ using Bytes = nb::ndarray<const std::uint8_t, nb::shape<-1, -1, 3>, nb::c_contig
 using PackedNormals = nb::ndarray<const std::int8_t, nb::shape<-1, -1, 3>, nb::c_contig, nb::device::cpu>;
 
 template <class Planes, class Image>
-void check_fraction(const Planes& planes, const Lens& lens, const Image& numerator, const Image& denominator) {
+Lens checked_lens(const Planes& planes, const Camera& camera, const Image& numerator, const Image& denominator) {
   const auto fits = [&](std::size_t h, std::size_t w) {
-    return h == (std::size_t)lens.height && w == (std::size_t)lens.width;
+    return h == (std::size_t)camera.height && w == (std::size_t)camera.width;
   };
   check(planes.shape(0) == 4 && fits(planes.shape(1), planes.shape(2)), "planes must be (4, height, width)");
   check(fits(numerator.shape(0), numerator.shape(1)) && fits(denominator.shape(0), denominator.shape(1)),
-        "images must have the height and width of the lens");
+        "images must have the camera's height and width");
+  return camera.lens();
 }
 
 }  // namespace
@@ -48,60 +49,59 @@ void bind_losses(nb::module_& module) {
           },
           nb::arg("x"), nb::arg("target"), nb::arg("ssim_weight"), nb::arg("grad"));
 
-  nb::class_<Lens>(module, "Lens", "fx, fy, cx, cy, width, height.")
-      .def("__init__", [](Lens* self, float fx, float fy, float cx, float cy, int width, int height) {
-        new (self) Lens{fx, fy, cx, cy, width, height};
-      });
   nb::class_<GeometryLoss>(module, "GeometryLoss", "L_d and L_dn of a rendered depth and their gradient.")
       .def(nb::init<>())
       .def(
           "__call__",
           [](GeometryLoss& self, Plane numerator, Plane denominator, Plane alpha, Plane prior_depth,
-             std::optional<In<kAny, kAny, 3>> normals, std::optional<PackedNormals> packed, const Lens& lens,
+             std::optional<In<kAny, kAny, 3>> normals, std::optional<PackedNormals> packed, const Camera& camera,
              float depth_weight, float normal_weight, PlaneOut numerator_grad, PlaneOut denominator_grad) {
             const auto fits = [&](const auto& a) {
-              return a.shape(0) == (std::size_t)lens.height && a.shape(1) == (std::size_t)lens.width;
+              return a.shape(0) == (std::size_t)camera.height && a.shape(1) == (std::size_t)camera.width;
             };
             check(fits(numerator) && fits(denominator) && fits(alpha) && fits(prior_depth) && fits(numerator_grad) &&
                       fits(denominator_grad) && (!normals || fits(*normals)) && (!packed || fits(*packed)),
-                  "images must have the height and width of the lens");
+                  "images must have the camera's height and width");
             const DepthImages images{numerator.data(),   denominator.data(),
                                      alpha.data(),       prior_depth.data(),
                                      normals ? normals->data() : nullptr, packed ? packed->data() : nullptr};
+            const Lens lens = camera.lens();
             nb::gil_scoped_release release;
             const GeometryLosses losses =
                 self(images, lens, depth_weight, normal_weight, numerator_grad.data(), denominator_grad.data());
             return std::pair(losses.depth, losses.depth_normal);
           },
           nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("prior_depth"),
-          nb::arg("normals").none(), nb::arg("packed_normals").none(), nb::arg("lens"), nb::arg("depth_weight"),
+          nb::arg("normals").none(), nb::arg("packed_normals").none(), nb::arg("camera"), nb::arg("depth_weight"),
           nb::arg("normal_weight"), nb::arg("numerator_grad"), nb::arg("denominator_grad"));
   module.def(
       "plane_fraction",
-      [](Image planes, const Lens& lens, PlaneOut numerator, PlaneOut denominator) {
-        check_fraction(planes, lens, numerator, denominator);
+      [](Image planes, const Camera& camera, PlaneOut numerator, PlaneOut denominator) {
+        const Lens lens = checked_lens(planes, camera, numerator, denominator);
         nb::gil_scoped_release release;
         plane_fraction(planes.data(), lens, numerator.data(), denominator.data());
       },
       "Numerator and denominator of the depth of blended planes (4 h w).");
   module.def(
       "plane_fraction_backward",
-      [](Plane numerator_grad, Plane denominator_grad, const Lens& lens, ImageOut planes_grad) {
-        check_fraction(planes_grad, lens, numerator_grad, denominator_grad);
+      [](Plane numerator_grad, Plane denominator_grad, const Camera& camera, ImageOut planes_grad) {
+        const Lens lens = checked_lens(planes_grad, camera, numerator_grad, denominator_grad);
         nb::gil_scoped_release release;
         plane_fraction_backward(numerator_grad.data(), denominator_grad.data(), lens, planes_grad.data());
       },
       "The gradient of the planes.");
   module.def(
       "plane_normals",
-      [](Plane depth, float fx, float fy, float cx, float cy, int radius, float agree, int fewest, ImageOut normals) {
+      [](Plane depth, const Camera& camera, int radius, float agree, int fewest, ImageOut normals) {
+        check(depth.shape(0) == (std::size_t)camera.height && depth.shape(1) == (std::size_t)camera.width,
+              "depth must have the camera's height and width");
         check(normals.shape(0) == depth.shape(0) && normals.shape(1) == depth.shape(1) && normals.shape(2) == 3,
               "normals must be (height, width, 3)");
-        const DepthImage image{depth.data(), (int)depth.shape(1), (int)depth.shape(0), fx, fy, cx, cy};
+        const Lens lens = camera.lens();
         nb::gil_scoped_release release;
-        plane_normals(image, radius, agree, fewest, normals.data());
+        plane_normals(depth.data(), lens, radius, agree, fewest, normals.data());
       },
-      nb::arg("depth"), nb::arg("fx"), nb::arg("fy"), nb::arg("cx"), nb::arg("cy"), nb::arg("radius"), nb::arg("agree"),
+      nb::arg("depth"), nb::arg("camera"), nb::arg("radius"), nb::arg("agree"),
       nb::arg("fewest"), nb::arg("normals"), "Normals of planes fitted to windows of a depth image.");
   module.def(
       "adam",

@@ -12,34 +12,35 @@ namespace {
 
 using Photograph = nb::ndarray<const std::uint8_t, nb::shape<kAny, kAny, 3>, nb::c_contig, nb::device::cpu>;
 
-template <typename Array>
-bool fits(const Array& image, const Lens& lens) {
+template <typename Array, typename Size>
+bool fits(const Array& image, const Size& lens) {
   return image.shape(0) == (std::size_t)lens.height && image.shape(1) == (std::size_t)lens.width;
 }
 
 struct View {
   Plane numerator, denominator, alpha;
   Photograph image;
-  Lens lens;
+  Camera camera;
 
   WarpedView arrays() const {
-    check(fits(numerator, lens) && fits(denominator, lens) && fits(alpha, lens) && fits(image, lens),
-          "images must have the height and width of the lens");
-    check(lens.width > 1, "a view must be more than a pixel wide");  // a pixel is read as four bytes
-    return {numerator.data(), denominator.data(), alpha.data(), image.data(), lens};
+    check(fits(numerator, camera) && fits(denominator, camera) && fits(alpha, camera) && fits(image, camera),
+          "images must have the camera's height and width");
+    check(camera.width > 1, "a view must be more than a pixel wide");  // a pixel is read as four bytes
+    return {numerator.data(), denominator.data(), alpha.data(), image.data(), camera};
   }
 };
 
 struct Source {
   Photograph image;
-  Lens lens;
+  Camera camera;
   Plane inverse_depth;
-  Lens depth_lens;
-  In<3, 4> from_view;
+  int stride;
 
   WarpSource arrays() const {
-    check(fits(image, lens) && fits(inverse_depth, depth_lens), "images must have the height and width of the lens");
-    return {image.data(), lens, inverse_depth.data(), depth_lens, from_view.data()};
+    check(fits(image, camera), "images must have the camera's height and width");
+    check(stride >= 1, "a stride must be at least one pixel");
+    const Lens depth_lens = camera.lens(stride, (int)inverse_depth.shape(1), (int)inverse_depth.shape(0));
+    return {image.data(), camera, inverse_depth.data(), depth_lens};
   }
 };
 
@@ -49,20 +50,19 @@ void bind_multiview(nb::module_& module) {
   nb::class_<View>(module, "WarpedView", "A rendered depth (numerator / denominator) and what was photographed there.")
       .def(
           "__init__",
-          [](View* self, Plane numerator, Plane denominator, Plane alpha, Photograph image, const Lens& lens) {
-            new (self) View{numerator, denominator, alpha, image, lens};
+          [](View* self, Plane numerator, Plane denominator, Plane alpha, Photograph image, const Camera& camera) {
+            new (self) View{numerator, denominator, alpha, image, camera};
             self->arrays();
           },
-          nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("image"), nb::arg("lens"));
+          nb::arg("numerator"), nb::arg("denominator"), nb::arg("alpha"), nb::arg("image"), nb::arg("camera"));
   nb::class_<Source>(module, "WarpSource", "A neighbour's photograph and inverse depth (0 = none).")
       .def(
           "__init__",
-          [](Source* self, Photograph image, const Lens& lens, Plane inverse_depth, const Lens& depth_lens,
-             In<3, 4> from_view) {
-            new (self) Source{image, lens, inverse_depth, depth_lens, from_view};
+          [](Source* self, Photograph image, const Camera& camera, Plane inverse_depth, int stride) {
+            new (self) Source{image, camera, inverse_depth, stride};
             self->arrays();
           },
-          nb::arg("image"), nb::arg("lens"), nb::arg("inverse_depth"), nb::arg("depth_lens"), nb::arg("from_view"));
+          nb::arg("image"), nb::arg("camera"), nb::arg("inverse_depth"), nb::arg("stride"));
   nb::class_<MultiviewLoss>(module, "MultiviewLoss", "L_pho and L_geo of a rendered depth and their gradient.")
       .def(nb::init<>())
       .def(
@@ -71,7 +71,7 @@ void bind_multiview(nb::module_& module) {
              float tolerance, PlaneOut numerator_grad, PlaneOut denominator_grad, std::optional<PlaneOut> inverse_grad) {
             const WarpedView warped = view.arrays();
             const WarpSource from = source.arrays();
-            check(fits(numerator_grad, warped.lens) && fits(denominator_grad, warped.lens) &&
+            check(fits(numerator_grad, warped.camera) && fits(denominator_grad, warped.camera) &&
                       (!inverse_grad || fits(*inverse_grad, from.depth_lens)),
                   "gradients must have their image's height and width");
             nb::gil_scoped_release release;

@@ -61,7 +61,7 @@ struct ChannelArrays {
 
 // The planes of images (c h w), one after another.
 template <class T, class Images>
-std::vector<T*> planes_of(const Images& images, const RasterCamera& camera) {
+std::vector<T*> planes_of(const Images& images, const DrawCamera& camera) {
   std::vector<T*> out;
   for (const auto& image : images) {
     check(image.shape(1) == (std::size_t)camera.height && image.shape(2) == (std::size_t)camera.width,
@@ -106,10 +106,12 @@ using Images = std::vector<Image>;
 using ImagesOut = std::vector<ImageOut>;
 using Gradients = std::vector<std::optional<Image>>;
 
-void forward(LentRaster& self, const Splats& splats, const ChannelArrays& arrays, const RasterCamera& camera,
+void forward(LentRaster& self, const Splats& splats, const ChannelArrays& arrays, const Camera& seen_by,
              const ImagesOut& images, PlaneOut alpha) {
+  check(seen_by.width <= 32767 && seen_by.height <= 32767, "width and height must be in 1..32767");
+  const DrawCamera camera = seen_by.as<float>();
   const SplatArrays given = splats.arrays();
-  const Channels channels = arrays.channels(given.size, camera.view);
+  const Channels channels = arrays.channels(given.size, camera.cam_from_world);
   const auto planes = planes_of<float>(images, camera);
   check(planes.size() == (std::size_t)channels.count() && !planes.empty(), "as many planes as channels are needed");
   check(alpha.shape(0) == (std::size_t)camera.height && alpha.shape(1) == (std::size_t)camera.width,
@@ -123,8 +125,8 @@ void backward(LentRaster& self, const Splats& splats, const ChannelArrays& array
               std::optional<PlaneOut> quats, std::optional<PlaneOut> log_scales, std::optional<Flat> logits,
               std::optional<ImageOut> sh, std::optional<PlaneOut> features) {
   const SplatArrays given = splats.arrays();
-  const RasterCamera& camera = self.camera();
-  const Channels channels = arrays.channels(given.size, camera.view);
+  const DrawCamera& camera = self.camera();
+  const Channels channels = arrays.channels(given.size, camera.cam_from_world);
   const auto planes = planes_of<const float>(images, camera);
   check(planes.size() == (std::size_t)channels.count(), "as many planes as channels are needed");
   check(images.size() == image_grads.size(), "every image needs a gradient, or None");
@@ -182,15 +184,6 @@ void bind_raster(nb::module_& module) {
              new (self) ChannelArrays{features, sh, planes};
            },
            nb::arg("features").none(), nb::arg("sh").none() = nb::none(), nb::arg("planes") = false);
-
-  nb::class_<RasterCamera>(module, "RasterCamera", "cam_from_world (4 4), fx, fy, cx, cy, width, height.")
-      .def("__init__", [](RasterCamera* self, In<4, 4> view, float fx, float fy, float cx, float cy, int width,
-                          int height) {
-        check(width > 0 && height > 0 && width <= 32767 && height <= 32767, "width and height must be in 1..32767");
-        check(fx > 0 && fy > 0, "focal lengths must be positive");
-        new (self) RasterCamera{{}, fx, fy, cx, cy, width, height};
-        for (int i = 0; i < 16; ++i) self->view[i] = view.data()[i];
-      });
 
   nb::class_<LentRaster>(module, "Raster", "One rendered view and the buffers behind it, which serve another view once it is forgotten.")
       .def(nb::init<>())

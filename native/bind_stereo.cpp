@@ -1,5 +1,8 @@
 // Python face of stereo: photographs are stacked on one raster, views are worked on in parallel.
+#include <utility>
 #include <vector>
+
+#include <nanobind/stl/vector.h>
 
 #include "arrays.hpp"
 #include "stereo.hpp"
@@ -8,26 +11,17 @@
 namespace goc {
 namespace {
 
-using Doubles = nb::ndarray<const double, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Indices = nb::ndarray<const std::int32_t, nb::ndim<2>, nb::c_contig, nb::device::cpu>;
 using Bytes = nb::ndarray<std::uint8_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 using Stack = nb::ndarray<float, nb::ndim<4>, nb::c_contig, nb::device::cpu>;
 using StackIn = nb::ndarray<const float, nb::ndim<4>, nb::c_contig, nb::device::cpu>;
 
-Photos stacked(Image greys, Doubles cameras) {
-  check(cameras.shape(0) == greys.shape(0) && cameras.shape(1) == 18,
-        "cameras must be (views, 18): width, height, fx, fy, cx, cy, cam_from_world");
-  std::vector<Pinhole> pinholes(greys.shape(0));
-  for (std::size_t v = 0; v < pinholes.size(); ++v) {
-    const double* row = cameras.data() + 18 * v;
-    Pinhole& p = pinholes[v];
-    p.width = static_cast<int>(row[0]), p.height = static_cast<int>(row[1]);
-    check(p.width >= 1 && p.height >= 1 && p.width <= (int)greys.shape(2) && p.height <= (int)greys.shape(1),
+Photos stacked(Image greys, std::vector<Camera> cameras) {
+  check(cameras.size() == greys.shape(0), "every photograph needs a camera");
+  for (const Camera& camera : cameras)
+    check(camera.width <= (int)greys.shape(2) && camera.height <= (int)greys.shape(1),
           "a photograph does not fit its raster");
-    p.fx = row[2], p.fy = row[3], p.cx = row[4], p.cy = row[5];
-    std::copy_n(row + 6, 12, p.cam_from_world);
-  }
-  return make_photos(greys.data(), pinholes.data(), (int)greys.shape(0), (int)greys.shape(2), (int)greys.shape(1));
+  return make_photos(greys.data(), std::move(cameras), (int)greys.shape(2), (int)greys.shape(1));
 }
 
 template <class Array>
@@ -96,7 +90,9 @@ void agree(const Photos& photos, int first, int last, Indices neighbours, StackI
 
 void bind_stereo(nb::module_& module) {
   nb::class_<Photos>(module, "Photos", "Grey photographs (0 to 255) with their cameras, ready to be sampled.")
-      .def("__init__", [](Photos* self, Image greys, Doubles cameras) { new (self) Photos(stacked(greys, cameras)); },
+      .def("__init__", [](Photos* self, Image greys, std::vector<Camera> cameras) {
+             new (self) Photos(stacked(greys, std::move(cameras)));
+           },
            nb::arg("greys"), nb::arg("cameras"));
   module.def("stereo_sweep", &sweep, nb::arg("photos"), nb::arg("first"), nb::arg("last"), nb::arg("neighbours"),
              nb::arg("ranges"), nb::arg("planes"), nb::arg("step_penalty"), nb::arg("jump_penalty"), nb::arg("inverse"),

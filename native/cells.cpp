@@ -12,17 +12,18 @@ constexpr int kBits = 16;
 constexpr double kBias = 1 << (kBits - 1);
 
 // Appends a row's pixels; neighbours that share a cell, as most do, become one entry.
-void count_row(const DepthView& view, const double* world_from_cam, double cell, std::size_t y,
+void count_row(const DepthView& view, double cell, std::size_t y,
                std::vector<std::pair<std::uint64_t, std::int64_t>>& counts) {
-  for (int x = 0; x < view.width; ++x) {
-    const std::size_t pixel = y * view.width + x;
+  const Camera& camera = view.camera;
+  for (int x = 0; x < camera.width; ++x) {
+    const std::size_t pixel = y * camera.width + x;
     if (std::isnan(view.slope[pixel])) continue;
-    const double z = view.depth[pixel], cx = (x + 0.5 - view.centre[0]) / view.focal[0] * z,
-                 cy = (static_cast<double>(y) + 0.5 - view.centre[1]) / view.focal[1] * z;
+    const double z = view.depth[pixel], cx = (x + 0.5 - camera.cx) / camera.fx * z,
+                 cy = (static_cast<double>(y) + 0.5 - camera.cy) / camera.fy * z;
     auto key = static_cast<std::uint64_t>((view.ids ? view.ids[pixel] : 0) + static_cast<int>(kBias));
     bool inside = true;
     for (int row = 0; row < 3; ++row) {
-      const double* r = world_from_cam + 4 * row;
+      const double* r = camera.world_from_cam + 4 * row;
       const double index = std::floor((r[0] * cx + r[1] * cy + r[2] * z + r[3]) / cell) + kBias;
       inside = inside && index >= 0 && index < 2 * kBias;  // beyond is no room, and would wrap
       key = key << kBits | (inside ? static_cast<std::uint64_t>(index) : 0);
@@ -38,14 +39,14 @@ void count_row(const DepthView& view, const double* world_from_cam, double cell,
 
 }  // namespace
 
-void count_cells(const DepthView& view, const double* world_from_cam, double cell, std::vector<std::uint64_t>& keys,
-                 std::vector<std::int64_t>& hits) {
+void count_cells(const DepthView& view, double cell, std::vector<std::uint64_t>& keys, std::vector<std::int64_t>& hits) {
   constexpr std::size_t kRows = 32;
-  std::vector<std::vector<std::pair<std::uint64_t, std::int64_t>>> chunks((view.height + kRows - 1) / kRows);
+  const std::size_t height = view.camera.height;
+  std::vector<std::vector<std::pair<std::uint64_t, std::int64_t>>> chunks((height + kRows - 1) / kRows);
   parallel_for(chunks.size(), 1, [&](std::size_t begin, std::size_t end) {
     for (std::size_t chunk = begin; chunk < end; ++chunk)
-      for (std::size_t y = chunk * kRows; y < std::min<std::size_t>(view.height, (chunk + 1) * kRows); ++y)
-        count_row(view, world_from_cam, cell, y, chunks[chunk]);
+      for (std::size_t y = chunk * kRows; y < std::min(height, (chunk + 1) * kRows); ++y)
+        count_row(view, cell, y, chunks[chunk]);
   });
   std::vector<std::pair<std::uint64_t, std::int64_t>> all;
   for (const auto& chunk : chunks) all.insert(all.end(), chunk.begin(), chunk.end());

@@ -9,8 +9,7 @@ namespace goc {
 
 // Distinct keys in ascending order, with their numbers of pixels. A key is 16 bits each of id, x, y and z of the cell
 // (edge `cell`, lower corner of cell 0 at the origin), each biased by 32768; pixels beyond that range are left out, and
-// those without a slope. `world_from_cam` are the upper three rows.
-void count_cells(const DepthView& view, const double* world_from_cam, double cell, std::vector<std::uint64_t>& keys,
-                 std::vector<std::int64_t>& hits);
+// those without a slope.
+void count_cells(const DepthView& view, double cell, std::vector<std::uint64_t>& keys, std::vector<std::int64_t>& hits);
 
 }  // namespace goc

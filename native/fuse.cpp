@@ -23,7 +23,7 @@ struct Vec {
 class Projector {
  public:
   Projector(const Lattice& lattice, const DepthView& view) {
-    const double* m = view.cam_from_world;
+    const double* m = view.camera.cam_from_world;
     for (int row = 0; row < 3; ++row) {
       const double* r = m + 4 * row;
       base_[row] = r[0] * lattice.origin[0] + r[1] * lattice.origin[1] + r[2] * lattice.origin[2] + r[3];
@@ -62,10 +62,12 @@ struct Measured {
 class Tiles {
  public:
   explicit Tiles(const DepthView& view)
-      : columns_((view.width + kSide - 1) / kSide), tiles_(static_cast<std::size_t>(columns_) * ((view.height + kSide - 1) / kSide)) {
-    for (int y = 0; y < view.height; ++y)
-      for (int x = 0; x < view.width; ++x) {
-        const std::size_t pixel = static_cast<std::size_t>(y) * view.width + x;
+      : columns_((view.camera.width + kSide - 1) / kSide),
+        tiles_(static_cast<std::size_t>(columns_) * ((view.camera.height + kSide - 1) / kSide)) {
+    const int width = view.camera.width, height = view.camera.height;
+    for (int y = 0; y < height; ++y)
+      for (int x = 0; x < width; ++x) {
+        const std::size_t pixel = static_cast<std::size_t>(y) * width + x;
         const float depth = view.depth[pixel], slope = view.slope[pixel];
         if (std::isnan(slope)) continue;
         const bool none = std::isnan(depth);  // then the kernel has something to say of all places along its ray
@@ -112,10 +114,8 @@ class Fuser {
  private:
   FusedView fused(const Lattice& lattice, const DepthView& view, int wanted) const {
     const auto voxel = static_cast<float>(lattice.voxel), truncation = static_cast<float>(lattice.truncation);
-    FusedView out{view.width, view.height, static_cast<float>(view.focal[0]), static_cast<float>(view.focal[1]),
-                  static_cast<float>(view.centre[0]), static_cast<float>(view.centre[1]), {}, voxel, truncation,
-                  1.0f / (truncation - voxel), std::max(truncation, 0.5f * voxel), view.depth, view.slope, view.ids,
-                  view.colours, wanted};
+    FusedView out{view.camera.lens(), {}, voxel, truncation, 1.0f / (truncation - voxel),
+                  std::max(truncation, 0.5f * voxel), view.depth, view.slope, view.ids, view.colours, wanted};
     for (int axis = 0; axis < 3; ++axis) {
       const Vec step = projector_.step(axis);
       out.step[axis][0] = step.x, out.step[axis][1] = step.y, out.step[axis][2] = step.z;
@@ -124,16 +124,17 @@ class Fuser {
   }
 
   Place place_of(Vec first) const {
+    const Lens& lens = view_.lens;
     float z_low = kInfinity, z_high = -kInfinity, low[2] = {kInfinity, kInfinity}, high[2] = {-kInfinity, -kInfinity};
     for (const Vec& corner : corners_) {
       const Vec p = first + corner;
       z_low = std::min(z_low, p.z), z_high = std::max(z_high, p.z);
-      const float scale = 1.0f / p.z, u = view_.fx * p.x * scale + view_.cx, v = view_.fy * p.y * scale + view_.cy;
+      const float scale = 1.0f / p.z, u = lens.fx * p.x * scale + lens.cx, v = lens.fy * p.y * scale + lens.cy;
       low[0] = std::min(low[0], u), high[0] = std::max(high[0], u), low[1] = std::min(low[1], v), high[1] = std::max(high[1], v);
     }
     if (z_high <= 0.0f) return Place::kOutside;
     if (z_low < 0.5f * view_.voxel) return Place::kNear;  // the corners' pixels bound nothing
-    const int size[2] = {view_.width, view_.height};
+    const int size[2] = {lens.width, lens.height};
     int from[2], to[2];
     for (int axis = 0; axis < 2; ++axis) {
       constexpr float kSlack = 0.01f;  // pixels, for rounding

@@ -3,6 +3,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "camera.hpp"
+
 namespace goc {
 
 inline constexpr int kBlockEdge = 8;
@@ -19,9 +21,7 @@ struct Lattice {
 };
 
 struct DepthView {
-  int height, width;
-  double focal[2], centre[2];
-  double cam_from_world[12];    // upper three rows
+  Camera camera;
   const float* depth;           // z; NaN = none, which with a slope makes all distances along the ray NaN
   const float* slope;           // cosine between ray and surface normal, (0, 1]; NaN: ignore the pixel
   const std::int16_t* ids;      // null: every pixel is the surface wanted
@@ -35,6 +35,6 @@ void fuse_view(const Lattice& lattice, const std::int32_t* blocks, std::size_t c
 
 // Cosine between each pixel's ray and the plane through the pixels within `radius` whose depth agrees (relative); NaN
 // where fewer than `fewest` do: a flying pixel at a silhouette.
-void depth_slope(const DepthView& view, int radius, double agree, int fewest, float* slope);
+void depth_slope(const float* depth, const Lens& lens, int radius, double agree, int fewest, float* slope);
 
 }  // namespace goc

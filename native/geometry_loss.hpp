@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "lens.hpp"
+#include "camera.hpp"
 
 namespace goc {
 

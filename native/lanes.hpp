@@ -3,7 +3,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "lens.hpp"
+#include "camera.hpp"
 
 namespace goc {
 
@@ -20,12 +20,6 @@ struct Splat2D {
   float x, y, a, b, c, log2_opacity, depth, unused;
 };
 
-// Pinhole camera, OpenCV axes; view is cam_from_world, row-major 4×4.
-struct RasterCamera {
-  float view[16];
-  float fx, fy, cx, cy;
-  int width, height;
-};
 constexpr float kNear = 0.01f;      // as gsplat
 constexpr float kDilation = 0.3f;   // px², the low-pass filter of 3D Gaussian Splatting (gsplat's eps2d)
 
@@ -158,8 +152,7 @@ struct FitRow {
 
 // A depth image, and how the voxels of a lattice land in it; see fuse.hpp.
 struct FusedView {
-  int width, height;
-  float fx, fy, cx, cy;
+  Lens lens;
   float step[3][3];            // from a voxel to the next along each axis of the lattice, camera space
   float voxel, truncation;
   float fade;                  // 1/(truncation − voxel)
@@ -176,10 +169,10 @@ constexpr int kWindow = 2;          // half-width of the sweep's windows
 struct Kernels {
   const char* name;
   // Bit l is set when splat l is before the camera and its box in the image; footprints are those of such splats.
-  std::uint32_t (*project_lanes)(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+  std::uint32_t (*project_lanes)(const SplatLanes& in, const DrawCamera& camera, bool planes, ProjectedLanes& out,
                                  Footprints& footprints);
   // planes, depths: the gradient has those of the planes, or of the depths of the centres.
-  void (*project_lanes_backward)(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad,
+  void (*project_lanes_backward)(const SplatLanes& in, const DrawCamera& camera, const ProjectedLanes& grad,
                                  bool planes, bool depths, SplatLanes& out);
   // The first `count` spherical harmonics (1, 4, 9 or 16) of the directions from `eye` to the splats.
   void (*harmonics_lanes)(const SplatLanes& in, const float* eye, int count, float (*out)[16]);

@@ -16,7 +16,10 @@ constexpr std::size_t kRowGrain = 8;
 MultiviewLosses MultiviewLoss::operator()(const WarpedView& view, const WarpSource& source,
                                           const MultiviewWeights& weights, float* numerator_grad,
                                           float* denominator_grad, float* inverse_grad) {
-  const int w = view.lens.width, h = view.lens.height;
+  const Lens lens = view.camera.lens(), source_lens = source.camera.lens();
+  const int w = lens.width, h = lens.height;
+  float from_view[12];
+  between(view.camera, source.camera, from_view);
   const std::size_t size = (std::size_t)w * h;
   depth_.resize(size);
   const bool colours = weights.photometric != 0, back = weights.geometric != 0;
@@ -28,8 +31,8 @@ MultiviewLosses MultiviewLoss::operator()(const WarpedView& view, const WarpSour
       const std::size_t at = y * w;
       const auto from = [&](auto& images, bool wanted) { return wanted ? images.data() + at : nullptr; };
       const PairRow row{view.numerator + at, view.denominator + at, view.alpha + at, view.image + at * kColours, (int)y,
-                        view.lens, source.image, source.lens, source.inverse_depth, source.depth_lens,
-                        source.from_view, weights.tolerance, size, depth_.data() + at, known_.data() + at,
+                        lens, source.image, source_lens, source.inverse_depth, source.depth_lens, from_view,
+                        weights.tolerance, size, depth_.data() + at, known_.data() + at,
                         from(warped_, colours), from(seen_, colours), from(slope_, colours),
                         from(geometric_grad_, back), from(pulls_, back && inverse_grad)};
       float error;
@@ -53,8 +56,8 @@ MultiviewLosses MultiviewLoss::operator()(const WarpedView& view, const WarpSour
 
 void MultiviewLoss::add_to_depth(const WarpedView& view, float photometric, float geometric, float* numerator_grad,
                                  float* denominator_grad) const {
-  const std::size_t size = depth_.size(), w = view.lens.width;
-  parallel_for(view.lens.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
+  const std::size_t size = depth_.size(), w = view.camera.width;
+  parallel_for(view.camera.height, kRowGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t i = begin * w; i < end * w; ++i) {
       float g = geometric != 0 ? geometric * geometric_grad_[i] : 0.0f;
       if (photometric != 0)

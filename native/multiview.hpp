@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "block_ssim.hpp"
-#include "lens.hpp"
+#include "camera.hpp"
 
 namespace goc {
 
@@ -15,16 +15,15 @@ struct WarpedView {
   const float* denominator;
   const float* alpha;         // (height, width)
   const std::uint8_t* image;  // (height, width, 3)
-  Lens lens;
+  Camera camera;
 };
 
 // The neighbour that it is compared with.
 struct WarpSource {
   const std::uint8_t* image;  // (height, width, 3)
-  Lens lens;
-  const float* inverse_depth;  // 1/z (height, width), 0 = none
-  Lens depth_lens;
-  const float* from_view;  // (3, 4), rows of [R | t]: its camera axes from those of the view
+  Camera camera;
+  const float* inverse_depth;  // 1/z of every so many pixels, 0 = none
+  Lens depth_lens;             // of those pixels
 };
 
 struct MultiviewWeights {

@@ -79,7 +79,7 @@ TileView Raster::tile(std::size_t index, int pass) const {
   return view;
 }
 
-void Raster::forward(const SplatArrays& splats, const Channels& channels, const RasterCamera& camera,
+void Raster::forward(const SplatArrays& splats, const Channels& channels, const DrawCamera& camera,
                      float* const* image, float* alpha) {
   camera_ = camera;
   channel_count_ = channels.count();

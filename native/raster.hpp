@@ -47,7 +47,7 @@ class Lines {
 class Raster {
  public:
   // Fills image[c] (height, width) for every channel, and alpha (height, width).
-  void forward(const SplatArrays& splats, const Channels& channels, const RasterCamera& camera, float* const* image,
+  void forward(const SplatArrays& splats, const Channels& channels, const DrawCamera& camera, float* const* image,
                float* alpha);
   // Gradients with respect to the splats (null `out` when only channels are wanted) and the channels. Every row is
   // written, with zeros where a splat is not in view. image_grad[c] and alpha_grad may be null: zeros.
@@ -60,7 +60,7 @@ class Raster {
   std::size_t blocks() const { return bins_.blocks(); }  // (record, block of 4×4 pixels) pairs
   // Capacity of all buffers: once they have seen the largest view, a step adds nothing.
   std::size_t bytes() const { return rows_lines_.bytes() + grads_lines_.bytes() + bins_.bytes(); }
-  const RasterCamera& camera() const { return camera_; }
+  const DrawCamera& camera() const { return camera_; }
   int width() const { return camera_.width; }
   int height() const { return camera_.height; }
 
@@ -74,7 +74,7 @@ class Raster {
   int passes() const { return (channel_count_ + kMaxChannels - 1) / kMaxChannels; }
   int channels_of(int pass) const;
 
-  RasterCamera camera_{};
+  DrawCamera camera_{};
   int channel_count_ = 0, row_stride_ = 0;
   std::size_t size_ = 0;
   Lines rows_lines_, grads_lines_;

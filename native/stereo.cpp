@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "lanes.hpp"
 
@@ -26,7 +27,7 @@ struct Paths {
 // One view's window statistics, and the buffers of a plane's warped images.
 struct Sweep {
   const Photos& photos;
-  const Pinhole& camera;
+  const Camera& camera;
   int width, height, planes;
   std::vector<float> reference, mean, scale, warped, inside, costs, best, scratch, block, volume, total;
 
@@ -61,7 +62,7 @@ struct Sweep {
 
   // Costs of the plane at inverse depth q against one neighbour, into the best three.
   void match(int other, float q) {
-    const Pinhole& there = photos.cameras[other];
+    const Camera& there = photos.cameras[other];
     const Transfer to = transfer(camera, there);
     const Kernels& kernel = kernels();
     WarpedRow warp{photos.quads.data() + photos.pixel(other, 0, 0), photos.width, static_cast<float>(there.width - 1),
@@ -145,12 +146,13 @@ struct Sweep {
 
 }  // namespace
 
-Photos make_photos(const float* greys, const Pinhole* cameras, int count, int width, int height) {
-  Photos photos{count, width, height, {}, {}, {cameras, cameras + count}};
+Photos make_photos(const float* greys, std::vector<Camera> cameras, int width, int height) {
+  const int count = static_cast<int>(cameras.size());
+  Photos photos{count, width, height, {}, {}, std::move(cameras)};
   photos.greys.assign(greys, greys + static_cast<std::size_t>(count) * width * height);
   photos.quads.resize(photos.greys.size());
   for (int view = 0; view < count; ++view) {
-    const Pinhole& camera = cameras[view];
+    const Camera& camera = photos.cameras[view];
     const auto byte = [&](int x, int y) {
       const float grey = greys[photos.pixel(view, std::min(x, camera.width - 1), std::min(y, camera.height - 1))];
       return static_cast<std::uint32_t>(std::clamp(grey + 0.5f, 0.0f, 255.0f));
@@ -163,7 +165,7 @@ Photos make_photos(const float* greys, const Pinhole* cameras, int count, int wi
   return photos;
 }
 
-Transfer transfer(const Pinhole& from, const Pinhole& to) {
+Transfer transfer(const Camera& from, const Camera& to) {
   const double *a = from.cam_from_world, *b = to.cam_from_world;
   double rotation[9], shift[3];  // to_from = b · a⁻¹
   for (int i = 0; i < 3; ++i) {

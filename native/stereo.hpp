@@ -4,33 +4,29 @@
 #include <cstdint>
 #include <vector>
 
-namespace goc {
+#include "camera.hpp"
 
-struct Pinhole {
-  double fx, fy, cx, cy;      // pixels; pixel (0, 0) is centred at (0.5, 0.5)
-  double cam_from_world[12];  // rows of the rigid pose
-  int width, height;          // what of the raster this photograph fills
-};
+namespace goc {
 
 // Photographs at one scale, each in the upper left corner of one raster.
 struct Photos {
   int count, width, height;
   std::vector<float> greys;          // (count, height, width), 0 to 255
   std::vector<std::uint32_t> quads;  // the same as bytes, with those to the right, below and both: one load a sample
-  std::vector<Pinhole> cameras;
+  std::vector<Camera> cameras;       // their sizes are what of the raster each photograph fills
 
   std::size_t pixel(int view, int x, int y) const {
     return (static_cast<std::size_t>(view) * height + y) * width + x;
   }
 };
 
-Photos make_photos(const float* greys, const Pinhole* cameras, int count, int width, int height);
+Photos make_photos(const float* greys, std::vector<Camera> cameras, int width, int height);
 
 // Where (x, y) with inverse depth q lands in another photograph: (X, Y, Z) = m·(x, y, 1) + q·t, at (X/Z, Y/Z).
 struct Transfer {
   float m[9], t[3];
 };
-Transfer transfer(const Pinhole& from, const Pinhole& to);
+Transfer transfer(const Camera& from, const Camera& to);
 
 // Neighbours of view v are neighbours[v·stride …], -1 = none.
 struct Neighbours {

@@ -20,14 +20,14 @@ Seen land(const Transfer& to, float x, float y, float q) {
 
 void agree_view(const Photos& photos, int view, Neighbours neighbours, const float* planes,
                 const AgreeSettings& settings, float* inverse, std::uint8_t* agreeing, std::uint8_t* against) {
-  const Pinhole& camera = photos.cameras[view];
+  const Camera& camera = photos.cameras[view];
   const float* own = planes + 3 * photos.pixel(view, 0, 0);
   std::vector<float> sums(static_cast<std::size_t>(photos.width) * photos.height);
   for (std::size_t i = 0; i < sums.size(); ++i) sums[i] = own[3 * i], agreeing[i] = against[i] = 0;
   for (int k = 0; k < neighbours.stride; ++k) {
     const int other = neighbours.views[static_cast<std::size_t>(view) * neighbours.stride + k];
     if (other < 0) continue;
-    const Pinhole& there = photos.cameras[other];
+    const Camera& there = photos.cameras[other];
     const Transfer to = transfer(camera, there), back = transfer(there, camera);
     for (int y = 0; y < camera.height; ++y)
       for (int x = 0; x < camera.width; ++x) {

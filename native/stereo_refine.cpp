@@ -40,7 +40,7 @@ struct Refine {
     for (int k = 0; k < neighbours.stride; ++k) {
       const int other = neighbours.views[static_cast<std::size_t>(view) * neighbours.stride + k];
       if (other < 0) continue;
-      const Pinhole& camera = photos.cameras[other];
+      const Camera& camera = photos.cameras[other];
       Target target{photos.quads.data() + photos.pixel(other, 0, 0), photos.width,
                     static_cast<float>(camera.width - 1), static_cast<float>(camera.height - 1), {}, {}};
       const Transfer to = transfer(photos.cameras[view], camera);

@@ -17,23 +17,23 @@ GOC_INLINE Landed land(const FusedView& view, const Lanes* point) {
   Landed at;
   at.z = point[2];
   at.inverse_z = splat(1.0f) / at.z;
-  at.u = fma(point[0] * at.inverse_z, view.fx, splat(view.cx));
-  at.v = fma(point[1] * at.inverse_z, view.fy, splat(view.cy));
-  at.inside = (at.z > splat(0.0f)) & (at.u >= 0.0f) & (at.v >= 0.0f) & (splat((float)view.width) > at.u) &
-              (splat((float)view.height) > at.v);
-  at.pixel = truncate(keep(at.inside, at.v)) * view.width + truncate(keep(at.inside, at.u));
+  at.u = fma(point[0] * at.inverse_z, view.lens.fx, splat(view.lens.cx));
+  at.v = fma(point[1] * at.inverse_z, view.lens.fy, splat(view.lens.cy));
+  at.inside = (at.z > splat(0.0f)) & (at.u >= 0.0f) & (at.v >= 0.0f) & (splat((float)view.lens.width) > at.u) &
+              (splat((float)view.lens.height) > at.v);
+  at.pixel = truncate(keep(at.inside, at.v)) * view.lens.width + truncate(keep(at.inside, at.u));
   return at;
 }
 
 // Depth along the rays: bilinear where the four pixels round one are one surface, else the nearest's.
 GOC_INLINE Lanes sample_depth(const FusedView& view, const Landed& at, Mask wanted, Lanes nearest) {
   const Lanes u = at.u - 0.5f, v = at.v - 0.5f;
-  const Mask whole = wanted & (u >= 0.0f) & (v >= 0.0f) & (splat((float)(view.width - 1)) > u) &
-                     (splat((float)(view.height - 1)) > v);
-  const IntLanes x = truncate(keep(whole, u)), y = truncate(keep(whole, v)), first = y * view.width + x;
+  const Mask whole = wanted & (u >= 0.0f) & (v >= 0.0f) & (splat((float)(view.lens.width - 1)) > u) &
+                     (splat((float)(view.lens.height - 1)) > v);
+  const IntLanes x = truncate(keep(whole, u)), y = truncate(keep(whole, v)), first = y * view.lens.width + x;
   const Lanes none = splat(__builtin_nanf(""));
   const Lanes a = gather(view.depth, first, whole, none), b = gather(view.depth + 1, first, whole, none);
-  const float* below = view.depth + view.width;
+  const float* below = view.depth + view.lens.width;
   const Lanes c = gather(below, first, whole, none), d = gather(below + 1, first, whole, none);
   // NaN in any of the four is NaN in their sum, which agrees with nothing.
   const Lanes spread = max(max(a, b), max(c, d)) - min(min(a, b), min(c, d)) + ((a + b) + (c + d)) * 0.0f;
@@ -41,7 +41,7 @@ GOC_INLINE Lanes sample_depth(const FusedView& view, const Landed& at, Mask want
   if (view.ids) {
     // The pixel itself is one of the four: all four alike means all like it.
     const IntLanes above = gather_pair(view.ids, first, whole);
-    one = one & (above == gather_pair(view.ids + view.width, first, whole)) & ((above << 16) >> 16 == above >> 16);
+    one = one & (above == gather_pair(view.ids + view.lens.width, first, whole)) & ((above << 16) >> 16 == above >> 16);
   }
   const Lanes s = u - to_float(x), t = v - to_float(y);
   const Lanes upper = fma(s, b, (1.0f - s) * a), lower = fma(s, d, (1.0f - s) * c);

@@ -4,9 +4,9 @@
 
 namespace goc::GOC_ISA {
 
-std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+std::uint32_t project_lanes(const SplatLanes& in, const DrawCamera& camera, bool planes, ProjectedLanes& out,
                             Footprints& footprints);
-void project_lanes_backward(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad, bool planes,
+void project_lanes_backward(const SplatLanes& in, const DrawCamera& camera, const ProjectedLanes& grad, bool planes,
                             bool depths, SplatLanes& out);
 void harmonics_lanes(const SplatLanes& in, const float* eye, int count, float (*out)[16]);
 std::uint16_t touched_blocks(const Splat2D& splat, float slope_x, float slope_y, int x, int y);

@@ -36,8 +36,8 @@ GOC_INLINE void rotate(Seen& s) {
   r[6] = (x * z - w * y) * 2.0f, r[7] = (y * z + w * x) * 2.0f, r[8] = 1.0f - (x * x + y * y) * 2.0f;
 }
 
-void see(const SplatLanes& in, const RasterCamera& camera, Seen& s) {
-  const float* view = camera.view;
+void see(const SplatLanes& in, const DrawCamera& camera, Seen& s) {
+  const float* view = camera.cam_from_world;
   Lanes mean[3];
   for (int k = 0; k < 3; ++k) mean[k] = load(in.mean[k]);
   for (int k = 0; k < 3; ++k)
@@ -81,7 +81,7 @@ struct Plane {
   Mask is_axis[3];
   Lanes sign, normal[3], distance;
 };
-GOC_INLINE void plane_of(const SplatLanes& in, const RasterCamera& camera, const Seen& s, Plane& plane) {
+GOC_INLINE void plane_of(const SplatLanes& in, const DrawCamera& camera, const Seen& s, Plane& plane) {
   const Lanes a = load(in.log_scale[0]), b = load(in.log_scale[1]), c = load(in.log_scale[2]);
   const Lanes first = min(a, b);
   plane.is_axis[2] = first > c;
@@ -91,9 +91,9 @@ GOC_INLINE void plane_of(const SplatLanes& in, const RasterCamera& camera, const
   for (int k = 0; k < 3; ++k)
     axis[k] = select(plane.is_axis[2], s.rotation[3 * k + 2],
                      select(plane.is_axis[1], s.rotation[3 * k + 1], s.rotation[3 * k]));
+  const float* view = camera.cam_from_world;
   for (int row = 0; row < 3; ++row)
-    plane.normal[row] = fma(axis[0], camera.view[4 * row],
-                            fma(axis[1], camera.view[4 * row + 1], axis[2] * camera.view[4 * row + 2]));
+    plane.normal[row] = fma(axis[0], view[4 * row], fma(axis[1], view[4 * row + 1], axis[2] * view[4 * row + 2]));
   plane.distance = dot(plane.normal, s.t);
   // A plane before the camera that faces it has n·centre < 0.
   plane.sign = select(plane.distance > splat(0.0f), splat(-1.0f), splat(1.0f));
@@ -154,7 +154,7 @@ std::uint16_t touched_blocks(const Splat2D& splat, float slope_x, float slope_y,
   return touched(splat, slope_x, slope_y, x, y);
 }
 
-std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bool planes, ProjectedLanes& out,
+std::uint32_t project_lanes(const SplatLanes& in, const DrawCamera& camera, bool planes, ProjectedLanes& out,
                             Footprints& footprints) {
   Seen s;
   see(in, camera, s);
@@ -191,9 +191,9 @@ std::uint32_t project_lanes(const SplatLanes& in, const RasterCamera& camera, bo
   return found;
 }
 
-void project_lanes_backward(const SplatLanes& in, const RasterCamera& camera, const ProjectedLanes& grad, bool planes,
+void project_lanes_backward(const SplatLanes& in, const DrawCamera& camera, const ProjectedLanes& grad, bool planes,
                             bool depths, SplatLanes& out) {
-  const float* view = camera.view;
+  const float* view = camera.cam_from_world;
   Seen s;
   see(in, camera, s);
   const Lanes inverse_det = splat(1.0f) / (s.xx * s.yy - s.xy * s.xy);

@@ -13,6 +13,7 @@ from cameras import pinhole
 from goc import _native
 from goc.fusion.depth_views import depth_view
 from goc.fusion.volume import BlockGrid, Volume
+from goc.geometry.native_camera import native_camera
 from goc.scene import Frame
 from oracles import fusion
 
@@ -56,7 +57,7 @@ def sums_last(volume):
 
 def test_blocks_before_and_behind_everything_agree_with_the_twin(views):
     view = views[2]
-    position, axis = view.world_from_cam[:, 3], view.world_from_cam[:, 2]  # from the camera to behind the wall
+    position, axis = view.camera.world_from_cam[:3, [3, 2]].T.double().numpy()  # from the camera to behind the wall
     at = lattice(np.floor((position + np.arange(0.3, 5.6, 0.35)[:, None] * axis) / (8 * VOXEL)))
     volume = Volume(at)
     volume.add(view, 1)
@@ -96,10 +97,11 @@ native = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(native)
 given = np.load(sys.argv[2])
 sums = np.zeros((native.FUSE_SUMS, len(given["blocks"]), 8, 8, 8), np.float32)
-names = ("lattice", "blocks", "depth", "slope", "colours", "pinhole", "ids")
-native.fuse_view(*(given[name] for name in names), 1, sums)
+camera = native.Camera(*given["lens"].tolist(), 80, 60, *given["poses"].tolist())
+images = (given[name] for name in ("lattice", "blocks", "depth", "slope", "colours"))
+native.fuse_view(*images, camera, given["ids"], 1, sums)
 slope = np.zeros_like(given["depth"])
-native.depth_slope(given["depth"], given["pinhole"], 2, 0.03, 6, slope)
+native.depth_slope(given["depth"], camera, 2, 0.03, 6, slope)
 np.savez(sys.argv[3], sums=sums, slope=slope, level=native.simd_level())
 """
 
@@ -108,7 +110,9 @@ np.savez(sys.argv[3], sums=sums, slope=slope, level=native.simd_level())
 def test_every_instruction_set_gives_the_same_sums_and_slopes(views, level, tmp_path):
     at, view = lattice([(0, 2, 3), (0, 1, 2), (-2, 3, 2), (0, 0, 4)]), views[0]
     row = np.array([*at.origin, at.voxel, at.truncation])
-    images = {name: getattr(view, name) for name in ("depth", "slope", "colours", "pinhole", "ids")}
+    images = {name: getattr(view, name) for name in ("depth", "slope", "colours", "ids")}
+    images["lens"] = np.stack([view.camera.focal_px, view.camera.centre_px])
+    images["poses"] = np.stack([pose[:3] for pose in (view.camera.cam_from_world, view.camera.world_from_cam)])
     np.savez(tmp_path / "in.npz", lattice=row, blocks=at.blocks, **images)
     command = [sys.executable, "-c", FUSE_ALONE, _native.__file__, tmp_path / "in.npz", tmp_path / "out.npz"]
     subprocess.run(command, check=True, env={"GOC_SIMD": level})
@@ -178,19 +182,19 @@ def test_a_frame_without_depth_is_no_view():
 
 
 def test_arrays_of_different_sizes_are_refused(views):
-    view = views[0]
+    view, camera = views[0], native_camera(views[0].camera)
     short = np.ascontiguousarray(view.slope[1:])
     sums = np.zeros((_native.FUSE_SUMS, 2, 8, 8, 8), np.float32)
     row = np.array([0.0, 0, 0, 0.01, 0.03])
     blocks = np.zeros((1, 3), np.int32)
-    with pytest.raises(ValueError, match="depth and slope differ in size"):
-        _native.fuse_view(row, blocks, view.depth, short, view.colours, view.pinhole, None, 0, sums[:, 1:].copy())
+    with pytest.raises(ValueError, match="slope must have the camera's height and width"):
+        _native.fuse_view(row, blocks, view.depth, short, view.colours, camera, None, 0, sums[:, 1:].copy())
     with pytest.raises(ValueError, match="one set of sums a block"):
-        _native.fuse_view(row, blocks, view.depth, view.slope, view.colours, view.pinhole, None, 0, sums)
-    dot = np.ones((1, 1), np.float32)
+        _native.fuse_view(row, blocks, view.depth, view.slope, view.colours, camera, None, 0, sums)
+    dot, one = np.ones((1, 1), np.float32), native_camera(view.camera.resized(1, 1))
     with pytest.raises(ValueError, match="an image needs two pixels"):
-        _native.fuse_view(row, blocks, dot, dot, None, view.pinhole, None, 0, sums[:, 1:].copy())
+        _native.fuse_view(row, blocks, dot, dot, None, one, None, 0, sums[:, 1:].copy())
     with pytest.raises(ValueError, match="radius must be 1 to 8 pixels"):
-        _native.depth_slope(view.depth, view.pinhole, 0, 0.03, 6, np.zeros_like(view.depth))
+        _native.depth_slope(view.depth, camera, 0, 0.03, 6, np.zeros_like(view.depth))
     with pytest.raises(ValueError, match="cells need an edge"):
-        _native.count_cells(view.depth, view.slope, None, view.pinhole, view.world_from_cam, 0.0)
+        _native.count_cells(view.depth, view.slope, None, camera, 0.0)

@@ -63,7 +63,8 @@ std::vector<Print> prints() {
   const Floats image_grad = random.many(7 * kPixels, 2.0f, -1.0f), alpha_grad = random.many(kPixels, 2.0f, -1.0f);
   Floats image(7 * kPixels), alpha(kPixels), loss_grad(3 * kPixels), sh_grad(sh.size());
   Floats d_means(means.size()), d_quats(quats.size()), d_scales(scales.size()), d_logits(logits.size());
-  const goc::RasterCamera camera{{1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1}, 55, 58, 33, 23, kWidth, kHeight};
+  const goc::DrawCamera camera{55, 58, 33, 23, kWidth, kHeight, {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0},
+                               {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0}};
   const goc::SplatArrays splats{means.data(), quats.data(), scales.data(), logits.data(), kSplats};
   goc::Channels channels;
   channels.sh = sh.data(), channels.harmonics = kHarmonics, channels.planes = true;

@@ -10,8 +10,8 @@ DISTANCE, WEIGHT, VIEWS, OTHER, EMPTY, COLOUR = 0, 1, 2, 3, 4, slice(5, 8)
 def fuse_view(origin, voxel, truncation, blocks, view, wanted):
     """Sums (b 8 8 8 8) that one view adds; `wanted` None takes every pixel."""
     sums = np.zeros((len(blocks), 8, 8, 8, 8))
-    fx, fy, cx, cy = view.pinhole[:4]
-    pose = view.pinhole[4:].reshape(3, 4)
+    (fx, fy), (cx, cy) = view.camera.focal_px.tolist(), view.camera.centre_px.tolist()
+    pose = view.camera.cam_from_world.double().numpy()[:3]
     height, width = view.depth.shape
     for block, i, j, k in np.ndindex(len(blocks), 8, 8, 8):
         point = origin + voxel * (8 * np.asarray(blocks[block]) + (i, j, k))

@@ -10,8 +10,9 @@ from cameras import capture_of, pinhole, placed
 from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
+from goc.geometry.native_camera import native_camera
 from goc.geometry.rays import pixel_rays
-from goc.priors.stereo import camera_numbers, stereo_depths
+from goc.priors.stereo import stereo_depths
 from goc.reconstruct import ReconstructConfig, StereoConfig
 from goc.reconstruct.seed import seed
 from goc.scene import Camera, Capture, Frame
@@ -61,7 +62,7 @@ def photographed(views: list[Camera], blank: bool = False, **facts) -> Capture:
 
 def photos(views: list[Camera]) -> tuple[_native.Photos, list[np.ndarray]]:
     greys = [photograph(view).image.float().mean(-1).numpy() for view in views]
-    return _native.Photos(np.stack(greys), camera_numbers(views)), greys
+    return _native.Photos(np.stack(greys), [native_camera(view) for view in views]), greys
 
 
 def others_of(count: int) -> np.ndarray:

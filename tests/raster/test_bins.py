@@ -9,6 +9,7 @@ from goc import _native
 
 WIDTH, HEIGHT, FOCAL, DEPTH = 45, 37, 60.0, 2.0
 """Neither whole tiles nor whole blocks."""
+ORIGIN = torch.eye(4)[:3].tolist()
 
 
 def touched(centre: tuple[float, float], sigma_px: float, opacity: float) -> tuple[int, int]:
@@ -20,7 +21,7 @@ def touched(centre: tuple[float, float], sigma_px: float, opacity: float) -> tup
         torch.tensor([math.log(opacity / (1 - opacity))]),
     )
     raster = _native.Raster()
-    view = _native.RasterCamera(torch.eye(4), FOCAL, FOCAL, *centre, WIDTH, HEIGHT)
+    view = _native.Camera((FOCAL, FOCAL), centre, WIDTH, HEIGHT, ORIGIN, ORIGIN)
     images, alpha = [torch.zeros(1, HEIGHT, WIDTH)], torch.zeros(HEIGHT, WIDTH)
     raster.forward(splats, _native.Channels(torch.ones(1, 1)), view, images, alpha)
     return raster.records, raster.blocks
@@ -66,7 +67,7 @@ def test_splats_at_one_depth_blend_in_their_order():
             torch.full((count,), -1.0),
         )
         image, alpha = torch.zeros(1, 16, 16), torch.zeros(16, 16)
-        view = _native.RasterCamera(torch.eye(4), FOCAL, FOCAL, 8.0, 8.0, 16, 16)
+        view = _native.Camera((FOCAL, FOCAL), (8.0, 8.0), 16, 16, ORIGIN, ORIGIN)
         _native.Raster().forward(splats, _native.Channels(torch.arange(count)[:, None].float()), view, [image], alpha)
         share = torch.sigmoid(torch.tensor(-1.0)) * math.exp(-0.25 / (64 + _native.DILATION))  # at (8.5, 8.5)
         through = (1 - share) ** torch.arange(count + 1)

@@ -220,7 +220,7 @@ def test_images_of_different_sizes_are_refused():
     frame, depth, other, other_depth = pair()
     both = PairWeights(photometric=1.0, geometric=1.0, tolerance=TOLERANCE)
     cropped = replace(frame, image=frame.image[:-1].contiguous())
-    with pytest.raises(ValueError, match="images must have the height and width of the lens"):
+    with pytest.raises(ValueError, match="images must have the camera's height and width"):
         multiview_loss(
             expected_depth(depth, torch.ones_like(depth)), cropped, neighbour_of(other, 1 / other_depth), both
         )

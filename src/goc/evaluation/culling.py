@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float32, Float64, Int32
 
 from goc.fusion.depth_views import DepthView
@@ -101,14 +102,12 @@ def _rendered(model: _Model, camera: Camera, depth_limit: float) -> DepthView | 
     if not (z <= depth_limit).any():
         return None
     shape = (camera.height, camera.width)
-    pinhole = [camera.focal_px.numpy(), camera.centre_px.numpy(), camera.cam_from_world.numpy()[:3].ravel()]
     return DepthView(
         depth=depth.reshape(shape),
         slope=np.ones(shape, np.float32),
         ids=None,
         colours=None,
-        pinhole=np.concatenate(pinhole).astype(np.float64),
-        world_from_cam=pose[:3],
+        camera=camera,
     )
 
 
@@ -159,8 +158,5 @@ def _in_image(points: Float64[np.ndarray, "n 3"], camera: Camera) -> Bool[np.nda
 
 def _points(view: DepthView) -> Float64[np.ndarray, "n 3"]:
     """World points of the pixels with depth."""
-    fx, fy, cx, cy = view.pinhole[:4]
-    row, column = np.nonzero(np.isfinite(view.depth))
-    z = view.depth[row, column].astype(np.float64)
-    points = np.stack([(column + 0.5 - cx) / fx * z, (row + 0.5 - cy) / fy * z, z], axis=1)
-    return points @ view.world_from_cam[:, :3].T + view.world_from_cam[:, 3]
+    points = view.camera.double().unproject_depth(torch.from_numpy(view.depth))
+    return points.numpy()[np.isfinite(view.depth)]

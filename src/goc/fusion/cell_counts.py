@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from goc import _native
 from goc.fusion.depth_views import DepthView
+from goc.geometry.native_camera import native_camera
 
 _BITS = 16
 _BIAS = 1 << (_BITS - 1)
@@ -37,7 +38,7 @@ def count_cells(views: Iterable[DepthView], size: float, by_id: bool) -> CellCou
     pending = [merged]
     for view in views:
         ids = view.ids if by_id else None
-        key, hits = _native.count_cells(view.depth, view.slope, ids, view.pinhole, view.world_from_cam, size)
+        key, hits = _native.count_cells(view.depth, view.slope, ids, native_camera(view.camera), size)
         pending.append((key[:, 0], np.concatenate([hits, np.ones_like(hits)], axis=1)))
         if sum(len(key) for key, _ in pending[1:]) > _MERGE_AT:
             pending = [_merge(pending)]

@@ -4,12 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int16, UInt8
+from jaxtyping import Float32, Int16, UInt8
 
 from goc import _native
 from goc.errors import ExtractError
 from goc.events import Listener, Progress
-from goc.scene import Capture, Frame
+from goc.geometry.native_camera import native_camera
+from goc.scene import Camera, Capture, Frame
 
 _FIT_RADIUS_PX = 2
 _FIT_AGREE = 0.03
@@ -28,31 +29,25 @@ class DepthView:
     ids: Int16[np.ndarray, "h w"] | None
     colours: UInt8[np.ndarray, "h w 3"] | None
     """sRGB; None where the surface needs no colours."""
-    pinhole: Float64[np.ndarray, "16"]
-    """fx, fy, cx, cy, then the upper three rows of cam_from_world."""
-    world_from_cam: Float64[np.ndarray, "3 4"]
+    camera: Camera
+    """Of the images' height and width, on the CPU."""
 
 
 def depth_view(frame: Frame) -> DepthView | None:
     """Prepare a frame for fusion; None where it has no depth."""
     if frame.depth is None:
         return None
-    camera = frame.camera
-    pinhole = np.concatenate(
-        [camera.focal_px.numpy(), camera.centre_px.numpy(), camera.cam_from_world.numpy()[:3].ravel()]
-    ).astype(np.float64)
     depth = frame.depth.numpy().astype(np.float32)
     depth = np.where(np.isfinite(depth) & (depth > 0), depth, np.float32(np.nan))
     slope = np.zeros_like(depth)
-    _native.depth_slope(depth, pinhole, _FIT_RADIUS_PX, _FIT_AGREE, _FIT_FEWEST, slope)
+    _native.depth_slope(depth, native_camera(frame.camera), _FIT_RADIUS_PX, _FIT_AGREE, _FIT_FEWEST, slope)
     ids = None if frame.ids is None else np.ascontiguousarray(frame.ids.numpy())
     return DepthView(
         depth=depth,
         slope=slope,
         ids=ids,
         colours=np.ascontiguousarray(frame.image.numpy()),
-        pinhole=pinhole,
-        world_from_cam=camera.world_from_cam.numpy()[:3].astype(np.float64),
+        camera=frame.camera,
     )
 
 

@@ -11,6 +11,7 @@ from torch import Tensor
 from goc import _native
 from goc.fusion.depth_views import DepthView
 from goc.fusion.volume import BLOCK, DISTANCE, EMPTY, OTHER, RED, VIEWS, WEIGHT, BlockGrid, Volume
+from goc.scene.camera import Camera
 
 _BLOCKS_AT_ONCE = 4096
 """Two million voxels, of which some 30 numbers each are in memory at once: 250 MB."""
@@ -24,9 +25,8 @@ class DeviceDepth:
     slope: Float[Tensor, "p"]
     ids: Int16[Tensor, "p"] | None
     colours: UInt8[Tensor, "p 3"] | None
-    width: int
-    height: int
-    pinhole: np.ndarray
+    camera: Camera
+    """Its numbers stay on the CPU."""
 
 
 def fuse_views(
@@ -52,15 +52,12 @@ def fuse_views(
 
 def on_device(view: DepthView, device: torch.device) -> DeviceDepth:
     """Copy a view's images."""
-    height, width = view.depth.shape
     return DeviceDepth(
         depth=torch.from_numpy(view.depth).to(device).reshape(-1),
         slope=torch.from_numpy(view.slope).to(device).reshape(-1),
         ids=None if view.ids is None else torch.from_numpy(view.ids).to(device).reshape(-1),
         colours=None if view.colours is None else torch.from_numpy(view.colours).to(device).reshape(-1, 3),
-        width=width,
-        height=height,
-        pinhole=view.pinhole,
+        camera=view.camera,
     )
 
 
@@ -83,7 +80,7 @@ class DeviceVolume:
 
     def add(self, view: DeviceDepth, wanted: int | None) -> None:
         """Fuse one view; only pixels of id `wanted` are surface, None takes all. Rays that pass vote empty."""
-        pose = view.pinhole[4:].reshape(3, 4)
+        pose = view.camera.cam_from_world.double().numpy()[:3]
         axes = pose[:, :3] * self._block_grid.voxel
         base = pose[:, :3] @ self._block_grid.origin + pose[:, 3]
         for first in range(0, len(self._corners), _BLOCKS_AT_ONCE):
@@ -102,11 +99,11 @@ class DeviceVolume:
 
     def _seen(self, view: DeviceDepth, middles: Float[Tensor, "b 3"]) -> Tensor:
         """Whether any point of a block's ball could be in the image."""
-        fx, fy, cx, cy = (float(number) for number in view.pinhole[:4])
+        (fx, fy), (cx, cy) = view.camera.focal_px.tolist(), view.camera.centre_px.tolist()
         radius = self._block_grid.voxel * BLOCK * 0.87
         x, y, z = middles.unbind(-1)
         met = z >= -radius
-        sides = ((x, fx, view.width - cx), (-x, fx, cx), (y, fy, view.height - cy), (-y, fy, cy))
+        sides = ((x, fx, view.camera.width - cx), (-x, fx, cx), (y, fy, view.camera.height - cy), (-y, fy, cy))
         for along, focal, edge in sides:
             met = met & (focal * along - edge * z <= radius * (focal**2 + edge**2) ** 0.5)
         return met
@@ -116,13 +113,13 @@ class DeviceVolume:
     ) -> None:
         """Add what the pixel that each voxel falls into says of it."""
         voxel, truncation = self._block_grid.voxel, self._block_grid.truncation
-        fx, fy, cx, cy = (float(number) for number in view.pinhole[:4])
+        (fx, fy), (cx, cy) = view.camera.focal_px.tolist(), view.camera.centre_px.tolist()
         scale = 1.0 / points[:, 2]
         u, v = fx * (points[:, 0] * scale) + cx, fy * (points[:, 1] * scale) + cy
-        inside = (points[:, 2] > 0) & (u >= 0) & (v >= 0) & (u < view.width) & (v < view.height)
+        inside = (points[:, 2] > 0) & (u >= 0) & (v >= 0) & (u < view.camera.width) & (v < view.camera.height)
         rows = torch.nonzero(inside)[:, 0]
         u, v, z, voxels = u[rows], v[rows], points[rows, 2], voxels[rows]
-        pixel = v.long() * view.width + u.long()
+        pixel = v.long() * view.camera.width + u.long()
         # Further behind along the ray, an oblique tangent plane would speak for places that its surface never gets to.
         rows = torch.nonzero(~view.slope[pixel].isnan() & (z - view.depth[pixel] <= 2.0 * truncation))[:, 0]
         u, v, z, voxels, pixel = u[rows], v[rows], z[rows], voxels[rows], pixel[rows]
@@ -156,9 +153,9 @@ def _depth_at(
 ) -> Float[Tensor, "m"]:
     """Depth along rays: bilinear where the four pixels round a place are one surface, else the nearest's."""
     x, y = (u - 0.5).floor().long(), (v - 0.5).floor().long()
-    within = (x >= 0) & (y >= 0) & (x + 1 < view.width) & (y + 1 < view.height)
-    first = torch.where(within, y * view.width + x, 0)
-    places = [first, first + 1, first + view.width, first + view.width + 1]
+    within = (x >= 0) & (y >= 0) & (x + 1 < view.camera.width) & (y + 1 < view.camera.height)
+    first = torch.where(within, y * view.camera.width + x, 0)
+    places = [first, first + 1, first + view.camera.width, first + view.camera.width + 1]
     places = [place.clamp_max(len(view.depth) - 1) for place in places]
     four = torch.stack([view.depth[place] for place in places])
     smooth = within & (four.amax(0) - four.amin(0) <= agree)  # false where one is NaN

@@ -7,6 +7,7 @@ from jaxtyping import Float32, Float64, Int32, Int64
 
 from goc import _native
 from goc.fusion.depth_views import DepthView
+from goc.geometry.native_camera import native_camera
 from goc.scene import Mesh
 
 BLOCK = 8
@@ -38,7 +39,15 @@ class Volume:
         grid = np.array([*at.origin, at.voxel, at.truncation], np.float64)
         ids = None if wanted is None else view.ids
         _native.fuse_view(
-            grid, at.blocks, view.depth, view.slope, view.colours, view.pinhole, ids, wanted or 0, self.sums
+            grid,
+            at.blocks,
+            view.depth,
+            view.slope,
+            view.colours,
+            native_camera(view.camera),
+            ids,
+            wanted or 0,
+            self.sums,
         )
 
     @property

@@ -5,7 +5,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
-from goc.geometry.rays import pixel_rays
+from goc.geometry.native_camera import native_camera
 from goc.scene.camera import Camera
 
 
@@ -15,7 +15,7 @@ def normals_from_depth(depth: Float[Tensor, "h w"], camera: Camera) -> Float[Ten
     Cross product of central differences of the back-projected points; differentiable. The one-pixel border, and
     pixels with a missing neighbour, are NaN.
     """
-    points = pixel_rays(camera) * depth[..., None]
+    points = camera.rays() * depth[..., None]
     right = points[1:-1, 2:] - points[1:-1, :-2]
     down = points[2:, 1:-1] - points[:-2, 1:-1]
     inner = torch.nn.functional.normalize(torch.cross(down, right, dim=-1), dim=-1, eps=1e-12)
@@ -55,7 +55,6 @@ def fitted_normals(depth: Float[Tensor, "h w"], camera: Camera, radius: int) -> 
     edge; at least half of the window must be there. Twin: tests/oracles/normals.py.
     """
     normals = torch.zeros(*depth.shape, 3)
-    fx, fy, cx, cy = (float(number) for number in (*camera.focal_px, *camera.centre_px))
     fewest = (2 * radius + 1) ** 2 // 2 + 1
-    _native.plane_normals(depth.contiguous().numpy(), fx, fy, cx, cy, radius, _AGREE, fewest, normals.numpy())
+    _native.plane_normals(depth.contiguous().numpy(), native_camera(camera), radius, _AGREE, fewest, normals.numpy())
     return normals

@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, Float64, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, Int32, UInt8
 from torch import Tensor
 
 from goc import _native
 from goc.events import Listener, Progress, ignore
+from goc.geometry.native_camera import native_camera
 from goc.geometry.normals import fitted_normals
 from goc.geometry.parallax import parallax_views
 from goc.geometry.rays import pixel_rays
@@ -110,16 +111,9 @@ def _scale(capture: Capture, views: list[int], side: int) -> _Scale:
     stack = np.zeros(shape, np.float32)
     for place, grey in enumerate(greys):
         stack[place, : grey.shape[0], : grey.shape[1]] = grey
-    return _Scale(cameras=cameras, photos=_native.Photos(stack, camera_numbers(cameras)), shape=shape)
-
-
-def camera_numbers(cameras: list[Camera]) -> Float64[np.ndarray, "v 18"]:
-    """Rows of width, height, focal lengths, centre and the pose's first three rows: how the kernels take cameras."""
-    rows = [
-        [c.width, c.height, *c.focal_px.tolist(), *c.centre_px.tolist(), *c.cam_from_world[:3].flatten().tolist()]
-        for c in cameras
-    ]
-    return np.array(rows, np.float64)
+    return _Scale(
+        cameras=cameras, photos=_native.Photos(stack, [native_camera(camera) for camera in cameras]), shape=shape
+    )
 
 
 def _chunks(count: int) -> list[tuple[int, int]]:

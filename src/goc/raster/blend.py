@@ -9,8 +9,9 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.raster.engine import Engine
-from goc.raster.rasterize import native_camera, stacked, taken_raster
+from goc.raster.rasterize import stacked, taken_raster
 from goc.raster.views import Views, view_channels
 from goc.scene.gaussians import Gaussians
 

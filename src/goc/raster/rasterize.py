@@ -8,6 +8,7 @@ from jaxtyping import Float, Int32
 from torch import Tensor
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.raster.gsplat_engine import blend_with_gsplat
 from goc.raster.views import views_of
 from goc.scene.camera import Camera
@@ -99,12 +100,6 @@ def taken_raster(ctx: Any) -> _native.Raster:
 def stacked(images: Sequence[Tensor]) -> Tensor:
     """Images of several views with the view as first axis; of one view without a copy."""
     return images[0][None] if len(images) == 1 else torch.stack(list(images))
-
-
-def native_camera(camera: Camera) -> _native.RasterCamera:
-    """The camera as the kernels want it."""
-    focal, centre = camera.focal_px.tolist(), camera.centre_px.tolist()
-    return _native.RasterCamera(camera.cam_from_world.cpu().contiguous(), *focal, *centre, camera.width, camera.height)
 
 
 class _Rasterize(torch.autograd.Function):

@@ -1,24 +1,28 @@
-"""A posed pinhole camera."""
+"""A posed pinhole camera: where points of the world land in its image, and where its pixels look."""
 
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)  # eq=False: arrays have no truth value
 class Camera:
-    """A posed pinhole camera: x right, y down, z forward; pixel (0, 0) is centred at (0.5, 0.5)."""
+    """A posed pinhole camera: x right, y down, z forward; pixel (0, 0) is centred at (0.5, 0.5).
+
+    Points and directions are rows, z is depth along the optical axis, all in scene units. Methods compute in the wider
+    dtype of the camera and what they are given, on the camera's device, and are differentiable in what they are given.
+    """
 
     focal_px: Float[Tensor, "2"]
     centre_px: Float[Tensor, "2"]
     width: int
     height: int
     world_from_cam: Float[Tensor, "4 4"]
-    """Rigid pose, metres."""
+    """Rigid pose, scene units."""
 
     @property
     def cam_from_world(self) -> Float[Tensor, "4 4"]:
@@ -34,11 +38,13 @@ class Camera:
         """Centre of projection, world."""
         return self.world_from_cam[:3, 3]
 
-    def to(self, device: torch.device) -> "Camera":
-        """The same camera with its numbers on a device; itself where they are there."""
-        if self.world_from_cam.device == device:
+    def to(self, device: torch.device | None = None, dtype: torch.dtype | None = None) -> "Camera":
+        """The same camera with its numbers on a device and in a dtype, None = as they are; itself where they are so."""
+        now = self.world_from_cam
+        device, dtype = device or now.device, dtype or now.dtype
+        if (now.device, now.dtype) == (device, dtype):
             return self
-        moved = {name: getattr(self, name).to(device) for name in ("focal_px", "centre_px", "world_from_cam")}
+        moved = {name: getattr(self, name).to(device, dtype) for name in ("focal_px", "centre_px", "world_from_cam")}
         return replace(self, **moved)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -46,12 +52,68 @@ class Camera:
         tensors = (self.focal_px, self.centre_px, self.world_from_cam)
         return _camera_of, (self.width, self.height, *(tensor.detach().cpu().numpy() for tensor in tensors))
 
+    def double(self) -> "Camera":
+        """The same camera in float64, for geometry that rounding would decide."""
+        return self.to(dtype=torch.float64)
+
     def resized(self, width: int, height: int) -> "Camera":
         """The same view on another pixel raster."""
         scale = torch.tensor([width / self.width, height / self.height], dtype=self.focal_px.dtype)
         return replace(
             self, focal_px=self.focal_px * scale, centre_px=self.centre_px * scale, width=width, height=height
         )
+
+    def in_camera(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+        """World points in camera axes."""
+        pose, points = _alike(self.cam_from_world, points)
+        return points @ pose[:3, :3].T + pose[:3, 3]
+
+    def in_world(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
+        """Points given in camera axes, in the world."""
+        pose, points = _alike(self.world_from_cam, points)
+        return points @ pose[:3, :3].T + pose[:3, 3]
+
+    def project(self, points: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"]]:
+        """Where world points land in the image.
+
+        Returns:
+            Pixel coordinates, of points inside the frame as outside, NaN where z is not positive: what is behind the
+            camera, or level with it, has no pixel, and lies inside no frame. Then z, of either sign.
+        """
+        local = self.in_camera(points)
+        z = local[..., 2]
+        ahead = torch.where(z > 0, z, torch.nan)
+        return local[..., :2] / ahead[..., None] * self.focal_px + self.centre_px, z
+
+    def unproject(self, pixels: Float[Tensor, "*b 2"], z: Float[Tensor, "*b"]) -> Float[Tensor, "*b 3"]:
+        """The world points that are seen at pixel coordinates and z; undoes `project`. NaN where z is."""
+        plane = (pixels - self.centre_px) / self.focal_px
+        return self.in_world(torch.nn.functional.pad(plane, (0, 1), value=1.0) * z[..., None])
+
+    def unproject_depth(self, depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
+        """The world points that a z-depth image of this camera sees at its pixel centres; NaN where depth is."""
+        return self.in_world(self.rays() * depth[..., None])
+
+    def rays(self) -> Float[Tensor, "h w 3"]:
+        """K⁻¹p of each pixel centre, camera axes, z = 1: times z it is the point seen there."""
+        shape = (self.height, self.width)
+        x = (self._steps(self.width) - self.centre_px[0]) / self.focal_px[0]
+        y = (self._steps(self.height) - self.centre_px[1]) / self.focal_px[1]
+        return torch.stack([x.expand(shape), y[:, None].expand(shape), torch.ones_like(x).expand(shape)], -1)
+
+    def contains(self, pixels: Float[Tensor, "*b 2"]) -> Bool[Tensor, "*b"]:
+        """Which pixel coordinates lie in the image, [0, width) x [0, height); False for NaN."""
+        size = torch.tensor([self.width, self.height], device=pixels.device)
+        return ((pixels >= 0) & (pixels < size)).all(-1)
+
+    def _steps(self, count: int) -> Float[Tensor, "_"]:
+        return torch.arange(count, dtype=self.focal_px.dtype, device=self.focal_px.device) + 0.5
+
+
+def _alike(pose: Float[Tensor, "4 4"], points: Float[Tensor, "*b 3"]) -> tuple[Tensor, Tensor]:
+    """Both in the wider of their dtypes."""
+    dtype = torch.promote_types(pose.dtype, points.dtype)
+    return pose.to(dtype), points.to(dtype)
 
 
 def _camera_of(width: int, height: int, focal_px: np.ndarray, centre_px: np.ndarray, pose: np.ndarray) -> Camera:

@@ -80,8 +80,7 @@ class VirtualView:
             slope=self.slope,
             ids=self.ids,
             colours=None,
-            pinhole=self.at.pinhole(),
-            world_from_cam=self.at.world_from_cam[:3],
+            camera=self.at.camera(),
         )
 
 

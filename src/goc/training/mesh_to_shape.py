@@ -121,8 +121,7 @@ def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
         slope=np.ones_like(depth),
         ids=None,
         colours=None,
-        pinhole=at.pinhole(),
-        world_from_cam=at.world_from_cam[:3],
+        camera=at.camera(),
     )
 
 

@@ -4,8 +4,10 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import torch
 from jaxtyping import Float64
 
+from goc.scene.camera import Camera
 from goc.training.surroundings import Surroundings
 
 Random = np.random.Generator
@@ -37,11 +39,15 @@ class Viewpoint:
         safe = np.where(np.abs(depth) < 1e-9, 1e-9, depth)
         return local[:, :2] / safe[:, None] * self.focal_px + self.size / 2, depth
 
-    def pinhole(self) -> Float64[np.ndarray, "16"]:
-        """fx, fy, cx, cy and the upper rows of cam_from_world, as fusion takes them."""
-        turn = self.world_from_cam[:3, :3].T
-        rows = np.concatenate([turn, -turn @ self.world_from_cam[:3, 3:]], 1)
-        return np.concatenate([[self.focal_px, self.focal_px, self.size / 2, self.size / 2], rows.ravel()])
+    def camera(self) -> Camera:
+        """The same in float64, as fusion takes it."""
+        return Camera(
+            focal_px=torch.tensor([self.focal_px, self.focal_px], dtype=torch.float64),
+            centre_px=torch.tensor([self.size / 2, self.size / 2], dtype=torch.float64),
+            width=self.size,
+            height=self.size,
+            world_from_cam=torch.from_numpy(self.world_from_cam),
+        )
 
 
 def random_viewpoints(

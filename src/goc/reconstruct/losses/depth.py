@@ -8,6 +8,7 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
 from goc.scene.camera import Camera
@@ -68,9 +69,9 @@ class _PlaneFraction(torch.autograd.Function):
     def forward(ctx: Any, planes: Tensor, cameras: tuple[Camera, ...]) -> tuple[Tensor, Tensor]:
         count, _, *size = planes.shape
         numerator, denominator = torch.empty(count, *size), torch.empty(count, *size)
-        ctx.lenses = [kernels.lens_of(camera) for camera in cameras]
-        for image, lens, n, d in zip(planes.detach().contiguous(), ctx.lenses, numerator, denominator, strict=True):
-            _native.plane_fraction(image, lens, n, d)
+        ctx.cameras = [native_camera(camera) for camera in cameras]
+        for image, camera, n, d in zip(planes.detach().contiguous(), ctx.cameras, numerator, denominator, strict=True):
+            _native.plane_fraction(image, camera, n, d)
         return numerator, denominator
 
     @staticmethod
@@ -78,8 +79,8 @@ class _PlaneFraction(torch.autograd.Function):
         count, *size = upstream[0].shape
         gradient = torch.empty(count, 4, *size)
         numerator, denominator = (grad.contiguous() for grad in upstream)
-        for n, d, lens, out in zip(numerator, denominator, ctx.lenses, gradient, strict=True):
-            _native.plane_fraction_backward(n, d, lens, out)
+        for n, d, camera, out in zip(numerator, denominator, ctx.cameras, gradient, strict=True):
+            _native.plane_fraction_backward(n, d, camera, out)
         return gradient, None
 
 

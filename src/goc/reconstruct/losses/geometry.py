@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
 from goc.reconstruct.losses.depth import MIN_DENOMINATOR, RenderedDepth
@@ -132,7 +133,7 @@ class _Geometry(torch.autograd.Function):
             own = None if normals is None else normals[k]
             kinds = (None, own) if own is not None and own.dtype == torch.int8 else (own, None)
             shown, outputs = [image[k] for image in images], [gradient[k] for gradient in gradients]
-            depth, depth_normal = _kernel(*shown, *kinds, kernels.lens_of(camera), *weights, *outputs)
+            depth, depth_normal = _kernel(*shown, *kinds, native_camera(camera), *weights, *outputs)
             total += weights[0] * depth + weights[1] * depth_normal
         ctx.save_for_backward(*(gradient if count == 1 else gradient / count for gradient in gradients))
         return torch.tensor(total / count, dtype=torch.float32)

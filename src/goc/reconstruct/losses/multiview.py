@@ -8,6 +8,7 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from goc import _native
+from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
 from goc.reconstruct.losses.depth import RenderedDepth
@@ -102,14 +103,12 @@ class _Multiview(torch.autograd.Function):
         views, image, neighbour, weights = pair
         (here,), (there,) = views.cameras, neighbour.views.cameras
         drawn = [part.detach()[0].contiguous() for part in (numerator, denominator, alpha)]
-        from_view = (there.cam_from_world.double() @ here.world_from_cam.double())[:3].float().contiguous()
-        photograph = neighbour.image, kernels.lens_of(there, tuple(neighbour.image.shape[:2]))
-        known = inverse.detach().contiguous(), kernels.lens_of(there, tuple(inverse.shape), neighbour.stride)
+        known = inverse.detach().contiguous()
         gradients = torch.empty(2, *numerator.shape)
         pulls = torch.empty(inverse.shape) if ctx.needs_input_grad[2] else None
         photometric, geometric = _kernel(
-            _native.WarpedView(*drawn, image, kernels.lens_of(here)),
-            _native.WarpSource(*photograph, *known, from_view),
+            _native.WarpedView(*drawn, image, native_camera(here)),
+            _native.WarpSource(neighbour.image, native_camera(there), known, neighbour.stride),
             weights.photometric,
             weights.geometric,
             weights.tolerance,
