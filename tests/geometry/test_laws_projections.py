@@ -6,7 +6,6 @@ import numpy as np
 import torch
 
 from goc.geometry.normals import fitted_normals, normals_from_depth
-from goc.geometry.rays import pixel_rays, points_from_depth
 from goc.scene import Camera
 from laws import CAMERAS, MOTIONS, SCALES, close, only, over
 
@@ -36,7 +35,7 @@ def scaled(camera: Camera, scale: float) -> Camera:
 @over(camera=CAMERAS, scale=SCALES)
 def test_a_pixel_with_depth_is_seen_where_it_was(camera, scale):
     here, depth = scaled(camera, scale), depths(camera, scale)
-    pixels, z = landed(here, points_from_depth(depth, here))
+    pixels, z = landed(here, here.unproject_depth(depth))
     reach = float(here.position.abs().max()) + 10 * scale  # float32 positions round by their distance from the origin
     blur = reach * 2.0**-22 / float(depth.min()) * float(camera.focal_px.max()) + 1e-3
     np.testing.assert_allclose(pixels, centres(camera), atol=blur + 1e-6 * np.abs(centres(camera)).max())
@@ -45,7 +44,7 @@ def test_a_pixel_with_depth_is_seen_where_it_was(camera, scale):
 
 @over(camera=CAMERAS)
 def test_rays_pass_through_pixel_centres(camera):
-    rays = pixel_rays(camera)
+    rays = camera.rays()
     assert rays.shape == (camera.height, camera.width, 3) and (rays[..., 2] == 1).all()
     pixels = rays[..., :2] * camera.focal_px + camera.centre_px
     close(pixels, centres(camera).astype(np.float32), size=float(camera.centre_px.abs().max()) + 100)
@@ -62,8 +61,8 @@ def test_poses_undo_each_other(camera):
 @over(camera=CAMERAS)
 def test_another_raster_sees_the_same_field(camera):
     double = camera.resized(2 * camera.width, 2 * camera.height)
-    fine = pixel_rays(double).reshape(camera.height, 2, camera.width, 2, 3).mean((1, 3))  # centres of four
-    close(fine, pixel_rays(camera), size=float(pixel_rays(double).abs().max()) + 1)
+    fine = double.rays().reshape(camera.height, 2, camera.width, 2, 3).mean((1, 3))  # centres of four
+    close(fine, camera.rays(), size=float(double.rays().abs().max()) + 1)
     back = double.resized(camera.width, camera.height)
     assert torch.equal(back.focal_px, camera.focal_px) and torch.equal(back.centre_px, camera.centre_px)
     assert (back.width, back.height) == (camera.width, camera.height)
@@ -74,16 +73,16 @@ def test_a_moved_camera_sees_moved_points(camera, motion):
     pose = motion @ camera.world_from_cam.double().numpy()
     elsewhere = replace(camera, world_from_cam=torch.from_numpy(pose).float())
     depth = depths(camera)
-    points = points_from_depth(depth, camera).double().numpy() @ motion[:3, :3].T + motion[:3, 3]
+    points = camera.unproject_depth(depth).double().numpy() @ motion[:3, :3].T + motion[:3, 3]
     size = float(np.abs(points).max() + camera.position.abs().max()) + 1
-    close(points_from_depth(depth, elsewhere), points.astype(np.float32), size=size)
+    close(elsewhere.unproject_depth(depth), points.astype(np.float32), size=size)
 
 
 @over(camera=CAMERAS)
 def test_holes_of_depth_are_holes_of_points_and_nothing_else_is(camera):
     depth = depths(camera)
     depth.view(-1)[::3] = torch.nan
-    points = points_from_depth(depth, camera)
+    points = camera.unproject_depth(depth)
     assert torch.equal(torch.isnan(points).all(-1), torch.isnan(depth))
     assert torch.equal(torch.isnan(points).any(-1), torch.isnan(depth))
 
@@ -91,7 +90,7 @@ def test_holes_of_depth_are_holes_of_points_and_nothing_else_is(camera):
 def slanted(camera: Camera, scale: float) -> tuple[torch.Tensor, torch.Tensor]:
     """z of a plane before the camera, and its unit normal towards the camera, camera axes."""
     normal = torch.nn.functional.normalize(torch.tensor([0.2, -0.1, -1.0]), dim=0)
-    return -scale / (pixel_rays(camera) @ normal), normal
+    return -scale / (camera.rays() @ normal), normal
 
 
 @over(camera=only(CAMERAS, "plain", "crooked", "wide"), scale=SCALES)
@@ -111,4 +110,4 @@ def test_normals_face_the_camera_whatever_the_surface(camera):
     depth = depths(camera, seed=3)
     normals = normals_from_depth(depth, camera) if min(depth.shape) > 2 else fitted_normals(depth, camera, 1)
     known = torch.isfinite(normals).all(-1)
-    assert ((normals * pixel_rays(camera)).sum(-1)[known] <= 1e-5).all()
+    assert ((normals * camera.rays()).sum(-1)[known] <= 1e-5).all()

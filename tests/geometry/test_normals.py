@@ -6,7 +6,6 @@ import torch
 
 from cameras import pinhole
 from goc.geometry.normals import fitted_normals, fitting_radius, normals_from_depth
-from goc.geometry.rays import pixel_rays, points_from_depth
 from oracles import normals as oracle
 
 VIEW = pinhole((60.0, 64.0), centre=(31.0, 25.0))
@@ -14,7 +13,7 @@ VIEW = pinhole((60.0, 64.0), centre=(31.0, 25.0))
 
 def plane(normal: torch.Tensor, distance: float) -> torch.Tensor:
     """z depth of the plane normal·x = -distance (it faces the camera when normal·z < 0)."""
-    return -distance / (pixel_rays(VIEW) @ normal)
+    return -distance / (VIEW.rays() @ normal)
 
 
 @pytest.mark.parametrize("direction", [(0.0, 0.0, -1.0), (0.3, -0.2, -1.0), (-0.4, 0.5, -0.9)])
@@ -30,7 +29,7 @@ def test_normals_of_a_plane(direction, radius):
 
 def test_points_from_depth_lie_on_the_plane():
     normal = torch.nn.functional.normalize(torch.tensor([0.3, -0.2, -1.0]), dim=0)
-    points = points_from_depth(plane(normal, 2.0), VIEW)
+    points = VIEW.unproject_depth(plane(normal, 2.0))
     assert torch.allclose(points @ normal, torch.full((48, 64), -2.0), atol=1e-5)
 
 
@@ -69,7 +68,7 @@ def test_fitted_normals_match_the_oracle(radius):
     depth[10:14, 20:30] = torch.nan
     depth[30:, 40:] += 1.0
     fast = fitted_normals(depth, VIEW, radius).numpy()
-    points = points_from_depth(depth, VIEW).double().numpy()
+    points = VIEW.unproject_depth(depth).double().numpy()
     for y in range(0, 48, 3):
         for x in range(0, 64, 3):
             expected = oracle.fitted_normal(points, x, y, radius, 0.05)

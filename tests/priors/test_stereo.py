@@ -11,7 +11,6 @@ from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
 from goc.geometry.native_camera import native_camera
-from goc.geometry.rays import pixel_rays
 from goc.priors.stereo import stereo_depths
 from goc.reconstruct import ReconstructConfig, StereoConfig
 from goc.reconstruct.seed import seed
@@ -34,7 +33,7 @@ AROUND = [camera([x, y, 0.03 * x], -0.3 * x) for x in (-0.35, 0.0, 0.35) for y i
 
 
 def plane_depth(view: Camera) -> torch.Tensor:
-    rays = pixel_rays(view).double() @ view.world_from_cam[:3, :3].double().T
+    rays = view.rays().double() @ view.world_from_cam[:3, :3].double().T
     distance = (torch.from_numpy(ORIGIN) - view.position.double()) @ torch.from_numpy(NORMAL)
     return (distance / (rays @ torch.from_numpy(NORMAL))).float()
 
@@ -49,7 +48,7 @@ def texture(points: np.ndarray) -> np.ndarray:
 
 def photograph(view: Camera, blank: bool = False) -> Frame:
     depth = plane_depth(view)
-    local = (pixel_rays(view) * depth[..., None]).double()
+    local = (view.rays() * depth[..., None]).double()
     pose = view.world_from_cam.double()
     grey = texture((local @ pose[:3, :3].T + pose[:3, 3]).numpy())
     image = torch.from_numpy(np.rint(grey).astype(np.uint8))[..., None].expand(*depth.shape, 3).contiguous()

@@ -6,7 +6,6 @@ import pytest
 import torch
 
 from cameras import pinhole
-from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import quats_towards
 from goc.raster import centre_depths, plane_channels, plane_depth, rasterize, render, render_labels, render_surface
 from goc.scene import UNLABELLED, Gaussians
@@ -16,7 +15,7 @@ VIEW = pinhole(60.0, (48, 36))
 
 def wall(normal: torch.Tensor, distance: float, spacing: float = 0.06) -> Gaussians:
     """Flat splats all over the plane normal·x = -distance, turned away from or towards the camera at random."""
-    rays = pixel_rays(VIEW.resized(24, 18)).reshape(-1, 3)
+    rays = VIEW.resized(24, 18).rays().reshape(-1, 3)
     means = rays * (-distance / (rays @ normal))[:, None]
     flips = torch.where(torch.arange(len(means)) % 2 == 0, 1.0, -1.0)
     scales = torch.tensor([spacing, spacing, 0.001]).log()
@@ -33,7 +32,7 @@ def wall(normal: torch.Tensor, distance: float, spacing: float = 0.06) -> Gaussi
 def test_plane_depth_of_a_slanted_wall_is_exact(direction):
     normal = torch.nn.functional.normalize(torch.tensor(direction), dim=0)
     shown = render(wall(normal, 2.0), VIEW)
-    truth = -2.0 / (pixel_rays(VIEW) @ normal)
+    truth = -2.0 / (VIEW.rays() @ normal)
     solid = shown.alpha > 0.9
     assert solid.float().mean() > 0.5
     assert torch.allclose(shown.plane_depth[solid], truth[solid], rtol=1e-3)
@@ -80,7 +79,7 @@ def test_more_labels_than_one_pass_holds():
     ids = render_labels(gaussians, labels, VIEW, min_alpha=0.1)
     assert len(set(torch.unique(ids).tolist()) - {UNLABELLED}) == 48
     shown = ids[17, 23]
-    nearest = (gaussians.means - pixel_rays(VIEW)[17, 23] * 2.0).norm(dim=-1).argmin()
+    nearest = (gaussians.means - VIEW.rays()[17, 23] * 2.0).norm(dim=-1).argmin()
     assert shown == labels[nearest]
 
 

@@ -7,7 +7,6 @@ import torch
 
 from cameras import pinhole
 from goc.device import CPU
-from goc.geometry.rays import pixel_rays
 from goc.raster import Views, views_of
 from goc.reconstruct.losses import (
     GeometryPrior,
@@ -102,7 +101,7 @@ def test_geometry_loss_and_gradient_match_the_twin(weights, count):
 
 def test_plane_depth_of_a_slanted_plane_is_exact_where_expected_depth_is_of_its_centre():
     normal = torch.nn.functional.normalize(torch.tensor([0.4, 0.1, -1.0]), dim=0)
-    rays, alpha = pixel_rays(VIEW), torch.full((17, 23), 0.7)
+    rays, alpha = VIEW.rays(), torch.full((17, 23), 0.7)
     truth = -2.0 / (rays @ normal)
     blended = torch.cat([normal[:, None, None].expand(3, 17, 23), torch.full((1, 17, 23), -2.0)]) * alpha
     planes = rendered_depth(blended[None], alpha[None], looking())
@@ -113,7 +112,7 @@ def test_plane_depth_of_a_slanted_plane_is_exact_where_expected_depth_is_of_its_
 
 @pytest.mark.parametrize("count", [1, 2])
 def test_the_fraction_of_planes_has_the_gradient_of_its_definition(count):
-    fast, (rays, alpha) = torch.randn(count, 4, 17, 23).requires_grad_(), (pixel_rays(VIEW), torch.ones(17, 23))
+    fast, (rays, alpha) = torch.randn(count, 4, 17, 23).requires_grad_(), (VIEW.rays(), torch.ones(17, 23))
     slow, alpha = fast.detach().clone().requires_grad_(), alpha.expand(count, 17, 23)
     found, upstream = rendered_depth(fast, alpha, looking(count)), torch.randn(2, count, 17, 23)
     twin = rendered_depth(fast.detach().double(), alpha, looking(count))

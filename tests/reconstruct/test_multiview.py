@@ -10,7 +10,6 @@ from torch import Tensor
 from cameras import pinhole, placed
 from goc import _native
 from goc.device import CPU
-from goc.geometry.rays import pixel_rays
 from goc.raster import views_of
 from goc.reconstruct.losses import Neighbour, PairWeights, RenderedDepth, inverse_depth
 from goc.reconstruct.losses import multiview_loss as loss_of_pair
@@ -27,14 +26,14 @@ def camera(position: tuple[float, float, float], yaw: float = 0.0, size: tuple[i
 
 def wall_depth(view: Camera, slope: float = 0.25, z: float = 2.0) -> Tensor:
     """Exact z of the plane z_world = z + slope·x_world."""
-    rays = pixel_rays(view).double() @ view.world_from_cam[:3, :3].T.double()
+    rays = view.rays().double() @ view.world_from_cam[:3, :3].T.double()
     eye = view.position.double()
     return ((z + slope * eye[0] - eye[2]) / (rays[..., 2] - slope * rays[..., 0])).float()
 
 
 def photograph(view: Camera, depth: Tensor) -> Tensor:
     """A texture on the wall, as bytes."""
-    rays = pixel_rays(view) * depth[..., None]
+    rays = view.rays() * depth[..., None]
     points = rays @ view.world_from_cam[:3, :3].T + view.position
     waves = torch.sin(points @ torch.tensor([[4.0, 1.0, 6.0], [-2.0, 5.0, 3.0], [0.5, 0.4, -1.0]]))
     return (127.5 + 110 * waves).round().to(torch.uint8)

@@ -10,7 +10,6 @@ from goc.capture import load_capture
 from goc.capture.source import Lens
 from goc.events import ignore
 from goc.geometry.alignment import CELLS, spread
-from goc.geometry.rays import points_from_depth
 from goc.reconstruct.monocular import GRID, ROW, aligned_frame
 from goc.reconstruct.settle import settled
 from goc.scene import Capture, Frame
@@ -28,7 +27,7 @@ def room(tmp_path_factory) -> Capture:
 
     def textured(view: int) -> Frame:
         frame = capture[view]
-        waves = torch.sin(points_from_depth(frame.depth, frame.camera) @ directions)
+        waves = torch.sin(frame.camera.unproject_depth(frame.depth) @ directions)
         image = (127.5 + 100.0 * waves.mean(-1, keepdim=True)).expand(-1, -1, 3)
         return replace(frame, image=image.round().to(torch.uint8))
 

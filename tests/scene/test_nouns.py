@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from cameras import pinhole, turned
-from goc.geometry.rays import pixel_rays
 from goc.scene import Capture, FlaggedMesh, Frame, Gaussians, Mesh, SceneObject, World
 
 VIEW = pinhole((50.0, 52.0), (64, 48), (30.0, 22.0), turned((0.3, -0.5, 0.7, 0.2), (1.0, -2.0, 0.5)))
@@ -40,7 +39,7 @@ def test_a_resized_view_has_the_same_field():
         right = (torch.tensor([side.width, side.height]) - side.centre_px) / side.focal_px
         assert torch.allclose(left, torch.tensor([-0.6, -22 / 52]))
         assert torch.allclose(right, torch.tensor([0.68, 0.5]))
-    assert torch.allclose(pixel_rays(small)[3, 5], pixel_rays(view)[6:8, 10:12].mean((0, 1)), atol=1e-6)
+    assert torch.allclose(small.rays()[3, 5], view.rays()[6:8, 10:12].mean((0, 1)), atol=1e-6)
 
 
 def test_nouns_do_not_change():

@@ -63,10 +63,10 @@ def test_points_behind_the_object_or_out_of_the_image_are_not_visible():
     placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
     at = random_viewpoints(placed.box(), no_surroundings(), "arc", 1, 64, np.random.default_rng(0))[0]
     view = render_view(placed, no_surroundings(), at)
-    towards = at.world_from_cam[:3, 3] - [0, 0, 0.5]
+    towards = at.position.numpy() - [0, 0, 0.5]
     towards /= np.linalg.norm(towards)
     near, far = np.array([0, 0, 0.5]) + 0.5 * towards, np.array([0, 0, 0.5]) - 0.5 * towards
-    behind_camera = at.world_from_cam[:3, 3] + towards
+    behind_camera = at.position.numpy() + towards
     assert visible(np.stack([near, far, behind_camera]), view).tolist() == [True, False, False]
 
 
@@ -83,19 +83,9 @@ def test_no_camera_stands_behind_a_wall_or_below_the_floor():
         random = np.random.default_rng(seed)
         around = random_surroundings(placed, 0.3, random)
         for at in random_viewpoints(placed.box(), around, "room", 8, 32, random):
-            position = at.world_from_cam[:3, 3]
+            position = at.position.numpy()
             assert (around.walls[:, :3] @ position > around.walls[:, 3]).all()
             assert position[2] > around.lowest
-
-
-def test_projection_is_the_inverse_of_the_rays():
-    placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
-    at = random_viewpoints(placed.box(), no_surroundings(), "sphere", 1, 8, np.random.default_rng(4))[0]
-    origins, directions = at.rays()
-    pixels, depth = at.project(origins + 2.5 * directions)
-    np.testing.assert_allclose(depth, 2.5, atol=1e-9)
-    row, column = np.divmod(np.arange(64), 8)
-    np.testing.assert_allclose(pixels, np.stack([column, row], -1) + 0.5, atol=1e-9)
 
 
 def test_holes_and_rays_into_nothing_erase_no_evidence():

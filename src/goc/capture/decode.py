@@ -14,7 +14,6 @@ from goc.capture.rasters import resized, undistorted
 from goc.capture.source import IdCodes, Lens, View
 from goc.errors import CaptureError
 from goc.files import read_depth, read_ids, read_image, read_normals
-from goc.geometry.rays import pixel_rays
 from goc.scene import ROOM, UNLABELLED, Camera, Frame, FrameSource
 
 _SAME_ASPECT = 0.01
@@ -155,7 +154,7 @@ def _normals(path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w 3"]:
     """Normals towards the camera; those that look away, at edges, count as none. Undistortion turns no axis."""
     stored = torch.from_numpy(read_normals(path)).permute(2, 0, 1)
     normals = _nearest(path, stored, lens, camera).permute(1, 2, 0)
-    towards = (normals * pixel_rays(camera)).sum(-1)
+    towards = (normals * camera.rays()).sum(-1)
     if (towards > 0).sum() > (towards < 0).sum():
         raise CaptureError(
             f"{path}: most normals look away from the camera. Write them in OpenCV camera axes (x right, y down, "

@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float32, Float64, Int32
 from goc.fusion.depth_views import DepthView
 from goc.fusion.volume import BlockGrid, Volume, blocks_near, zero_level
 from goc.geometry.raycast import TriangleScene
+from goc.geometry.rays import world_rays
 from goc.geometry.voxels import cells_of, pack_cells, unpack_cells
 from goc.scene import Camera, Mesh
 
@@ -92,12 +93,8 @@ def _rendered(model: _Model, camera: Camera, depth_limit: float) -> DepthView | 
     """Z of the nearest front face in each pixel; None where the mesh is out of sight."""
     depth = np.full(camera.height * camera.width, np.nan, np.float32)
     pixels = _pixels_of(model.box, camera)
-    pose = camera.world_from_cam.double().numpy()
-    (fx, fy), (cx, cy) = camera.focal_px.tolist(), camera.centre_px.tolist()
     row, column = np.divmod(pixels, camera.width)
-    local = np.stack([(column + 0.5 - cx) / fx, (row + 0.5 - cy) / fy, np.ones(len(pixels))], axis=1)
-    rays = local @ pose[:3, :3].T
-    z = _front_hits(model, np.broadcast_to(pose[:3, 3], rays.shape), rays)
+    z = _front_hits(model, *world_rays(camera, np.stack([column, row], axis=1) + 0.5))
     depth[pixels] = np.where(z <= depth_limit, z, np.nan)
     if not (z <= depth_limit).any():
         return None
@@ -132,7 +129,7 @@ def _front_hits(
 
 def _pixels_of(box: Float64[np.ndarray, "8 3"], camera: Camera) -> Int32[np.ndarray, "n"]:
     """Pixels in the rectangle that the box projects into; all where it reaches behind the camera."""
-    u, v, z = _projected(box, camera)
+    (u, v), z = _projected(box, camera)
     rows, columns = np.arange(camera.height), np.arange(camera.width)
     if (z > 1e-6).all():
         rows = rows[(rows + 1 > v.min()) & (rows < v.max())]
@@ -142,17 +139,16 @@ def _pixels_of(box: Float64[np.ndarray, "8 3"], camera: Camera) -> Int32[np.ndar
     return (rows[:, None] * camera.width + columns).ravel().astype(np.int32)
 
 
-def _projected(points: Float64[np.ndarray, "n 3"], camera: Camera) -> Float64[np.ndarray, "3 n"]:
-    """Pixel coordinates and depth; pixels mean something only in front of the camera."""
-    pose = camera.world_from_cam.double().numpy()
-    x, y, z = ((points - pose[:3, 3]) @ pose[:3, :3]).T
-    ahead = np.where(z > 1e-6, z, np.inf)
-    (fx, fy), (cx, cy) = camera.focal_px.tolist(), camera.centre_px.tolist()
-    return np.stack([fx * x / ahead + cx, fy * y / ahead + cy, z])
+def _projected(
+    points: Float64[np.ndarray, "n 3"], camera: Camera
+) -> tuple[Float64[np.ndarray, "2 n"], Float64[np.ndarray, "n"]]:
+    """Pixel coordinates, NaN behind the camera, and depth."""
+    pixels, z = camera.double().project(torch.from_numpy(points))
+    return pixels.T.numpy(), z.numpy()
 
 
 def _in_image(points: Float64[np.ndarray, "n 3"], camera: Camera) -> Bool[np.ndarray, "n"]:
-    u, v, z = _projected(points, camera)
+    (u, v), z = _projected(points, camera)
     return (z > 1e-6) & (u >= 0) & (u < camera.width) & (v >= 0) & (v < camera.height)
 
 

@@ -4,7 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+import torch
+from jaxtyping import Float64
+from torch import Tensor
 
 from goc.scene.camera import Camera
 
@@ -44,8 +46,8 @@ def neighbour_views(
     Returns:
         Neighbours of each of `views`, by index into `cameras`; an empty tuple where there are none.
     """
-    chosen = [cameras[view] for view in views]
-    poses = np.stack([camera.world_from_cam.double().numpy() for camera in chosen])
+    chosen = [cameras[view].double() for view in views]
+    poses = np.stack([camera.world_from_cam.numpy() for camera in chosen])
     directions, positions = poses[:, :3, 2], poses[:, :3, 3]
     found: dict[int, tuple[int, ...]] = {}
     for row, view in enumerate(views):
@@ -62,26 +64,14 @@ def neighbour_views(
         for other in order:
             if len(kept) == count:
                 break
-            if _sees(chosen[other], points).mean() >= limits.min_overlap:
+            if chosen[other].sees(points).double().mean() >= limits.min_overlap:
                 kept.append(views[other])
         found[view] = tuple(kept)
     return found
 
 
-def _frustum(camera: Camera, depths: tuple[float, ...]) -> Float[np.ndarray, "p 3"]:
+def _frustum(camera: Camera, depths: tuple[float, ...]) -> Float64[Tensor, "p 3"]:
     """Points all over a view at the given depths, world."""
-    focal, centre = camera.focal_px.double().numpy(), camera.centre_px.double().numpy()
-    steps = (np.arange(_GRID) + 0.5) / _GRID
-    u, v, z = np.meshgrid(steps * camera.width, steps * camera.height, np.array(depths), indexing="ij")
-    points = np.stack([(u - centre[0]) / focal[0] * z, (v - centre[1]) / focal[1] * z, z], -1).reshape(-1, 3)
-    pose = camera.world_from_cam.double().numpy()
-    return points @ pose[:3, :3].T + pose[:3, 3]
-
-
-def _sees(camera: Camera, points: Float[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
-    """Points in front of the camera and inside its image."""
-    pose = camera.world_from_cam.double().numpy()
-    local = (points - pose[:3, 3]) @ pose[:3, :3]
-    z = np.where(local[:, 2] > 0, local[:, 2], 1.0)
-    u, v = (local[:, :2] / z[:, None] * camera.focal_px.double().numpy() + camera.centre_px.double().numpy()).T
-    return (local[:, 2] > 0) & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+    steps = (torch.arange(_GRID, dtype=torch.float64) + 0.5) / _GRID
+    places = torch.cartesian_prod(steps * camera.width, steps * camera.height, torch.tensor(depths, dtype=steps.dtype))
+    return camera.unproject(places[:, :2], places[:, 2])

@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+import torch
 from jaxtyping import Float64, Int32
 
 from goc.scene.camera import Camera
@@ -47,7 +48,7 @@ def parallax_views(cameras: Sequence[Camera], distance: float, count: int) -> In
 
 
 class _Lenses:
-    """Tests which points each camera has in its frame."""
+    """Which points each camera has in its frame: `Camera.sees`, of all cameras in one call."""
 
     def __init__(self, cameras: Sequence[Camera]) -> None:
         self.poses = np.stack([camera.cam_from_world.double().numpy() for camera in cameras])
@@ -65,12 +66,9 @@ class _Lenses:
 
 def _points(camera: Camera, distance: float) -> Float64[np.ndarray, "p 3"]:
     steps = (np.arange(_GRID) + 0.5) / _GRID
-    x = (steps * camera.width - float(camera.centre_px[0])) / float(camera.focal_px[0])
-    y = (steps * camera.height - float(camera.centre_px[1])) / float(camera.focal_px[1])
-    rays = np.stack([*np.meshgrid(x, y), np.ones((_GRID, _GRID))], -1).reshape(-1, 3)
-    pose = camera.world_from_cam.double().numpy()
-    local = np.concatenate([rays * (distance * depth) for depth in _DEPTHS])
-    return local @ pose[:3, :3].T + pose[:3, 3]
+    pixels = np.stack(np.meshgrid(steps * camera.width, steps * camera.height), -1).reshape(-1, 2)
+    z = np.repeat(distance * np.array(_DEPTHS), len(pixels))
+    return camera.unproject(torch.from_numpy(np.tile(pixels, (len(_DEPTHS), 1))), torch.from_numpy(z)).numpy()
 
 
 def _angle_weight(

@@ -1,21 +1,25 @@
-"""Rays of pixels, and points from depth."""
+"""Rays of pixels through the world, as `TriangleScene` casts them."""
 
+import numpy as np
 import torch
-from jaxtyping import Float
-from torch import Tensor
+from jaxtyping import Float64
 
 from goc.scene.camera import Camera
 
 
-def pixel_rays(camera: Camera) -> Float[Tensor, "h w 3"]:
-    """K⁻¹p of each pixel centre, camera axes, z = 1: times z depth it is the point seen there."""
-    device, shape = camera.focal_px.device, (camera.height, camera.width)
-    x = (torch.arange(camera.width, device=device) + 0.5 - camera.centre_px[0]) / camera.focal_px[0]
-    y = (torch.arange(camera.height, device=device) + 0.5 - camera.centre_px[1]) / camera.focal_px[1]
-    return torch.stack([x.expand(shape), y[:, None].expand(shape), torch.ones(shape, device=device)], -1)
+def world_rays(
+    camera: Camera, pixels: Float64[np.ndarray, "p 2"] | None = None
+) -> tuple[Float64[np.ndarray, "p 3"], Float64[np.ndarray, "p 3"]]:
+    """Origins and directions of rays through pixel coordinates, or through the centres of all pixels, row by row.
 
-
-def points_from_depth(depth: Float[Tensor, "h w"], camera: Camera) -> Float[Tensor, "h w 3"]:
-    """The points a z-depth image sees, world; NaN where depth is."""
-    points = pixel_rays(camera) * depth[..., None]
-    return points @ camera.world_from_cam[:3, :3].T + camera.world_from_cam[:3, 3]
+    Directions have z = 1 in camera axes, so that the length of a ray, in its own direction, is depth.
+    """
+    camera = camera.double()
+    if pixels is None:
+        local = camera.rays().reshape(-1, 3)
+    else:
+        local = torch.nn.functional.pad(
+            (torch.from_numpy(pixels) - camera.centre_px) / camera.focal_px, (0, 1), value=1
+        )
+    directions = (local @ camera.world_from_cam[:3, :3].T).numpy()
+    return np.broadcast_to(camera.position.numpy(), directions.shape), directions

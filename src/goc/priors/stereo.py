@@ -12,7 +12,6 @@ from goc.events import Listener, Progress, ignore
 from goc.geometry.native_camera import native_camera
 from goc.geometry.normals import fitted_normals
 from goc.geometry.parallax import parallax_views
-from goc.geometry.rays import pixel_rays
 from goc.priors.config import StereoConfig
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture
@@ -153,7 +152,7 @@ def _with_slopes(scale: _Scale, inverse: Float32[np.ndarray, "v h w"]) -> Float3
         part = np.s_[place, : camera.height, : camera.width]
         value = torch.from_numpy(inverse[part])
         normals = fitted_normals(1.0 / value, camera, 2)
-        facing = (normals * pixel_rays(camera)).sum(-1)
+        facing = (normals * camera.rays()).sum(-1)
         slopes = normals[..., :2] * (value / facing)[..., None] / camera.focal_px
         planes[part][..., 0] = inverse[part]
         planes[part][..., 1:] = torch.nan_to_num(slopes, 0.0, 0.0, 0.0).numpy()

@@ -5,7 +5,6 @@ from jaxtyping import Float, Int16
 from torch import Tensor
 
 from goc.geometry.harmonics import colours_towards
-from goc.geometry.rays import pixel_rays
 from goc.geometry.rotations import rotated
 from goc.raster.rasterize import rasterize
 from goc.scene.camera import Camera
@@ -29,7 +28,7 @@ def plane_channels(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 4"]
     centre's depth has on a slanted splat (the unbiased depth of Chen et al. 2024).
     """
     view = camera.cam_from_world
-    centres = gaussians.means @ view[:3, :3].T + view[:3, 3]
+    centres = camera.in_camera(gaussians.means)
     thinnest = torch.nn.functional.one_hot(gaussians.log_scales.argmin(-1), 3).to(gaussians.means.dtype)
     normals = rotated(gaussians.quats, thinnest) @ view[:3, :3].T
     distances = (normals * centres).sum(-1, keepdim=True)
@@ -40,7 +39,7 @@ def plane_channels(gaussians: Gaussians, camera: Camera) -> Float[Tensor, "n 4"]
 
 def plane_depth(blended: Float[Tensor, "h w 4"], camera: Camera) -> Float[Tensor, "h w"]:
     """depth(p) = D(p) / (N(p)·K⁻¹p) of blended plane_channels; NaN where no plane is met in front of the camera."""
-    slope = (blended[..., :3] * pixel_rays(camera)).sum(-1)
+    slope = (blended[..., :3] * camera.rays()).sum(-1)
     depth = blended[..., 3] / torch.where(slope < -1e-6, slope, torch.nan)
     return torch.where(depth > 0, depth, torch.nan)
 

@@ -157,10 +157,7 @@ def _compared(
 
 def _points_raster(camera: Camera, points: Float[Tensor, "p 3"]) -> Float[Tensor, "h w"]:
     """Depth of the points in view, NaN elsewhere; of points that share a cell, only the near ones."""
-    view = camera.cam_from_world
-    centres = points @ view[:3, :3].T + view[:3, 3]
-    z = centres[:, 2]
-    px = centres[:, :2] / z.clamp_min(1e-6)[:, None] * camera.focal_px + camera.centre_px
+    px, z = camera.project(points)
     inside = (z > 1e-6) & (px >= 0).all(-1) & (px < torch.tensor([camera.width, camera.height])).all(-1)
     z, px = z[inside], px[inside].long()
     cell = px * _CELLS // camera.width

@@ -13,7 +13,6 @@ from goc.events import Listener, ignore
 from goc.geometry.harmonics import BAND_0
 from goc.geometry.inpaint import filled
 from goc.geometry.normals import normals_from_depth
-from goc.geometry.rays import pixel_rays, points_from_depth
 from goc.geometry.rotations import quats_towards
 from goc.priors.stereo import StereoView, stereo_depths
 from goc.reconstruct.config import ReconstructConfig
@@ -100,7 +99,7 @@ def _of_frame(frame: Frame, pixels: Tensor, opacity: float) -> _Points:
     normals = (camera_normals @ frame.camera.world_from_cam[:3, :3].T).reshape(-1, 3)[pixels]
     image = frame.image.float() / 255.0
     found = _Points(
-        positions=points_from_depth(depth, frame.camera).reshape(-1, 3)[pixels],
+        positions=frame.camera.unproject_depth(depth).reshape(-1, 3)[pixels],
         colours=image.reshape(-1, 3)[pixels],
         normals=normals,
         detail=_detail(image).reshape(-1)[pixels],
@@ -226,11 +225,10 @@ def _from_box(capture: Capture, views: list[int], count: int, generator: torch.G
         # Uniform in inverse depth, as pixels are.
         near, far = 0.5 * capture.units_per_metre, 8.0 * capture.units_per_metre
         depth = 1.0 / (1.0 / far + torch.rand(each, generator=generator) * (1.0 / near - 1.0 / far))
-        directions = pixel_rays(frame.camera).reshape(-1, 3)[pixels] * depth[:, None]
-        pose = frame.camera.world_from_cam
+        directions = frame.camera.rays().reshape(-1, 3)[pixels] * depth[:, None]
         found.append(
             _Points(
-                positions=directions @ pose[:3, :3].T + pose[:3, 3],
+                positions=frame.camera.in_world(directions),
                 colours=frame.image.reshape(-1, 3)[pixels].float() / 255.0,
                 normals=torch.zeros(each, 3),
                 detail=torch.zeros(each),

@@ -15,7 +15,6 @@ from torch.nn import functional as F  # noqa: N812
 from goc.events import Listener, Progress
 from goc.geometry.alignment import CELLS, cell_means
 from goc.geometry.neighbours import PairLimits, neighbour_views
-from goc.geometry.rays import points_from_depth
 from goc.reconstruct.monocular import GRID, SCALE, aligned_frame
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture, Frame
@@ -128,12 +127,9 @@ def _projected(
     depth: Float[Tensor, "h w"], camera: Camera, other: Camera
 ) -> tuple[Float[Tensor, "1 h w 2"], Float[Tensor, "h w"]]:
     """Where another camera sees each pixel's point, -1 to 1 across its image (9 if nowhere), and at which z."""
-    pose = other.cam_from_world
-    points = points_from_depth(depth, camera) @ pose[:3, :3].T + pose[:3, 3]
-    z = points[..., 2]
-    px = points[..., :2] / z[..., None] * other.focal_px + other.centre_px
+    px, z = other.project(camera.unproject_depth(depth))
     inside = px / torch.tensor([other.width, other.height]) * 2.0 - 1.0
-    met = torch.isfinite(inside).all(-1) & (z > 0)
+    met = torch.isfinite(inside).all(-1)
     return torch.where(met[..., None], inside, 9.0).clamp(-9.0, 9.0)[None], z
 
 

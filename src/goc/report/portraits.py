@@ -4,10 +4,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float64, UInt8
 
 from goc.geometry.raycast import RayHits, TriangleScene
-from goc.scene import Mesh
+from goc.geometry.rays import world_rays
+from goc.scene import Camera, Mesh
 
 _SUPERSAMPLE = 2
 _FOCAL = 2.4
@@ -152,11 +154,17 @@ def _look(subject: _Subject, towards: Float64[np.ndarray, "3"], size: int, throu
     """Cast the rays of a square picture; `through` goes on behind faces seen from the back."""
     eye = subject.centre + towards * subject.radius * (2 * _FOCAL + 0.3)
     right = _unit(np.cross(subject.up, towards)[None])[0]
-    down = np.cross(right, towards)
-    steps = (np.arange(size) + 0.5) / size - 0.5
-    x, y = np.meshgrid(steps, steps)
-    rays = _unit(x.reshape(-1, 1) * right + y.reshape(-1, 1) * down - _FOCAL * towards)
-    origins = np.tile(eye, (len(rays), 1))
+    pose = np.eye(4)
+    pose[:3] = np.stack([right, np.cross(right, towards), -towards, eye], axis=1)
+    camera = Camera(
+        focal_px=torch.full((2,), float(_FOCAL * size), dtype=torch.float64),
+        centre_px=torch.full((2,), size / 2, dtype=torch.float64),
+        width=size,
+        height=size,
+        world_from_cam=torch.from_numpy(pose),
+    )
+    origins, rays = world_rays(camera)
+    origins, rays = origins.copy(), _unit(rays)
     hits = subject.scene.closest_hit(origins, rays)
     for _ in range(8 if through else 0):
         behind = np.flatnonzero(_from_inside(subject, rays, hits))

@@ -65,13 +65,11 @@ class Camera:
 
     def in_camera(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
         """World points in camera axes."""
-        pose, points = _alike(self.cam_from_world, points)
-        return points @ pose[:3, :3].T + pose[:3, 3]
+        return _carried(points, self._widened(points).cam_from_world)
 
     def in_world(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
         """Points given in camera axes, in the world."""
-        pose, points = _alike(self.world_from_cam, points)
-        return points @ pose[:3, :3].T + pose[:3, 3]
+        return _carried(points, self._widened(points).world_from_cam)
 
     def project(self, points: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"]]:
         """Where world points land in the image.
@@ -101,19 +99,17 @@ class Camera:
         y = (self._steps(self.height) - self.centre_px[1]) / self.focal_px[1]
         return torch.stack([x.expand(shape), y[:, None].expand(shape), torch.ones_like(x).expand(shape)], -1)
 
-    def contains(self, pixels: Float[Tensor, "*b 2"]) -> Bool[Tensor, "*b"]:
-        """Which pixel coordinates lie in the image, [0, width) x [0, height); False for NaN."""
+    def sees(self, points: Float[Tensor, "*b 3"]) -> Bool[Tensor, "*b"]:
+        """Which world points lie before the camera and inside its frame, borders included."""
+        pixels, _ = self.project(points)
         size = torch.tensor([self.width, self.height], device=pixels.device)
-        return ((pixels >= 0) & (pixels < size)).all(-1)
+        return ((pixels >= 0) & (pixels <= size)).all(-1)  # False for NaN
+
+    def _widened(self, values: Tensor) -> "Camera":
+        return self.to(dtype=torch.promote_types(self.world_from_cam.dtype, values.dtype))
 
     def _steps(self, count: int) -> Float[Tensor, "_"]:
         return torch.arange(count, dtype=self.focal_px.dtype, device=self.focal_px.device) + 0.5
-
-
-def _alike(pose: Float[Tensor, "4 4"], points: Float[Tensor, "*b 3"]) -> tuple[Tensor, Tensor]:
-    """Both in the wider of their dtypes."""
-    dtype = torch.promote_types(pose.dtype, points.dtype)
-    return pose.to(dtype), points.to(dtype)
 
 
 def _camera_of(width: int, height: int, focal_px: np.ndarray, centre_px: np.ndarray, pose: np.ndarray) -> Camera:
@@ -124,3 +120,7 @@ def _camera_of(width: int, height: int, focal_px: np.ndarray, centre_px: np.ndar
         height=height,
         world_from_cam=torch.tensor(pose),
     )
+
+
+def _carried(points: Float[Tensor, "*b 3"], pose: Float[Tensor, "4 4"]) -> Float[Tensor, "*b 3"]:
+    return points.to(pose.dtype) @ pose[:3, :3].T + pose[:3, 3]

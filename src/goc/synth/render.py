@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float32, Int16, UInt8
 
 from goc.files.colour import encode_srgb
+from goc.geometry.rays import world_rays
 from goc.scene import Camera
 from goc.synth.lighting import LitSurfaces, light_on, mirrored
 from goc.synth.surfaces import ShadingPoints, appearance_at, visible_points
@@ -75,13 +76,10 @@ def _seen(
     lit: LitSurfaces, camera: Camera, offset: tuple[float, float]
 ) -> tuple[ShadingPoints, Float[np.ndarray, "n"]]:
     """Points hit by rays through all pixels, `offset` pixels from their centres, and their depth z."""
-    pose = camera.world_from_cam.double().numpy()
-    centre, focal = camera.centre_px.double().numpy(), camera.focal_px.double().numpy()
-    x = (np.arange(camera.width) + 0.5 + offset[0] - centre[0]) / focal[0]
-    y = (np.arange(camera.height) + 0.5 + offset[1] - centre[1]) / focal[1]
-    rays = (y[:, None, None] * pose[:3, 1] + x[:, None] * pose[:3, 0] + pose[:3, 2]).reshape(-1, 3)
-    hits = lit.surfaces.scene.closest_hit(np.broadcast_to(pose[:3, 3], rays.shape), rays)
-    return visible_points(lit.surfaces, hits, pose[:3, 3] + hits.t[:, None] * rays, rays), hits.t
+    columns, rows = np.meshgrid(np.arange(camera.width) + 0.5, np.arange(camera.height) + 0.5)
+    origins, rays = world_rays(camera, np.stack([columns, rows], -1).reshape(-1, 2) + offset)
+    hits = lit.surfaces.scene.closest_hit(origins, rays)
+    return visible_points(lit.surfaces, hits, origins + hits.t[:, None] * rays, rays), hits.t
 
 
 def _smooth(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float, Float32
 
 from goc.geometry.raycast import TriangleScene
@@ -138,15 +139,11 @@ def _seen(
     seen = np.zeros(len(points), bool)
     for camera in cameras:
         left = np.flatnonzero(~seen)
-        pose = camera.world_from_cam.double().numpy()
-        path = points[left] - pose[:3, 3]
-        x, y, z = np.einsum("ij,jk->ki", path, pose[:3, :3])
-        focal, centre = camera.focal_px.double().numpy(), camera.centre_px.double().numpy()
-        ahead = np.maximum(z, 1e-6)
-        u, v = focal[0] * x / ahead + centre[0], focal[1] * y / ahead + centre[1]
-        inside = (z > 0) & (u >= 0) & (u <= camera.width) & (v >= 0) & (v <= camera.height)
+        eye = camera.position.double().numpy()
+        path = points[left] - eye
+        inside = camera.double().sees(torch.from_numpy(points[left].astype(np.float64))).numpy()
         chosen = np.flatnonzero(inside & (dot(path, normals[left]) < 0))
-        origins = np.broadcast_to(pose[:3, 3], (len(chosen), 3))
+        origins = np.broadcast_to(eye, (len(chosen), 3))
         # Up to a thousandth before the point itself: parts that touch lie nearer than that to it.
         blocked = scene.occluded(origins, path[chosen], 1 - 1e-3)
         seen[left[chosen[~blocked]]] = True

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 import numpy as np
+import torch
 from jaxtyping import Bool, Float32, Float64, Int16
 
 from goc.complete import Cube, PartialObject, bounding_cube, partial_object
@@ -15,12 +16,13 @@ from goc.extract import ExtractConfig
 from goc.fusion.depth_views import DepthView
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import Volume
-from goc.scene import Evidence, EvidenceGrid
+from goc.geometry.rays import world_rays
+from goc.scene import Camera, Evidence, EvidenceGrid
 from goc.settings import Amount, CountOrNone, Range, Settings, Share
 from goc.synth.noise import fractal_noise
 from goc.training.placement import PlacedShape, random_placement
 from goc.training.surroundings import Surroundings, no_surroundings, random_surroundings
-from goc.training.viewpoints import Regime, Viewpoint, random_viewpoints
+from goc.training.viewpoints import Regime, random_viewpoints
 from goc.training.watertight_shape import WatertightShape
 
 Random = np.random.Generator
@@ -66,7 +68,7 @@ class MaskConfig(Settings):
 class VirtualView:
     """One depth image, rendered by a virtual camera."""
 
-    at: Viewpoint
+    at: Camera
     depth: Float32[np.ndarray, "h w"]
     """z along the optical axis, world units; NaN where there is none."""
     slope: Float32[np.ndarray, "h w"]
@@ -80,7 +82,7 @@ class VirtualView:
             slope=self.slope,
             ids=self.ids,
             colours=None,
-            camera=self.at.camera(),
+            camera=self.at,
         )
 
 
@@ -126,9 +128,9 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
     return "sphere", int(random.integers(12, 21))
 
 
-def render_view(placed: PlacedShape, around: Surroundings, at: Viewpoint) -> VirtualView:
+def render_view(placed: PlacedShape, around: Surroundings, at: Camera) -> VirtualView:
     """Render exact depth and ids. A ray that hits nothing gets a far depth, so that the space along it is empty."""
-    origins, directions = at.rays()
+    origins, directions = world_rays(at)
     hits, normals = placed.closest_hit(origins, directions)
     length = np.linalg.norm(directions, axis=-1)
     slope = np.abs((normals * directions).sum(-1)) / length
@@ -138,7 +140,7 @@ def render_view(placed: PlacedShape, around: Surroundings, at: Viewpoint) -> Vir
         other = around.scene.closest_hit(origins, directions)
         nearer = other.t < depth
         depth, ids, slope = np.where(nearer, other.t, depth), np.where(nearer, _OTHER, ids), np.where(nearer, 1, slope)
-    shape = (at.size, at.size)
+    shape = (at.height, at.width)
     slope = np.where(slope < _GRAZING, np.nan, slope)
     return VirtualView(
         at=at,
@@ -167,7 +169,7 @@ def add_depth_noise(
     waves, offset = random.uniform(4, 20) / reach, random.uniform(0, 60, 3)
     noisy = []
     for view in views:
-        origins, directions = view.at.rays()
+        origins, directions = world_rays(view.at)
         flat = view.depth.ravel().astype(np.float64)
         known = np.isfinite(flat)
         where = origins[known] + directions[known] * flat[known, None]
@@ -199,7 +201,7 @@ def _silhouette(ids: Int16[np.ndarray, "h w"]) -> Bool[np.ndarray, "h w"]:
 def _hit_points(views: list[VirtualView], placed: PlacedShape) -> Float64[np.ndarray, "p 3"]:
     found = [np.zeros((0, 3))]
     for view in views:
-        origins, directions = view.at.rays()
+        origins, directions = world_rays(view.at)
         own = (view.ids == _OBJECT).ravel() & np.isfinite(view.slope).ravel()
         found.append(origins[own] + directions[own] * view.depth.ravel()[own, None].astype(np.float64))
     return np.concatenate(found)
@@ -254,10 +256,8 @@ def _seen_surface(
 
 def visible(points: Float64[np.ndarray, "p 3"], view: VirtualView) -> Bool[np.ndarray, "p"]:
     """Which points a view sees: inside its image, and at most two pixels' width behind the object's depth there."""
-    pixels, depth = view.at.project(points)
-    column, row = np.floor(pixels).astype(np.int64).T
-    size = view.at.size
-    inside = (depth > 0) & (column >= 0) & (row >= 0) & (column < size) & (row < size)
-    row, column = np.clip(row, 0, size - 1), np.clip(column, 0, size - 1)
-    slack = 2.0 * depth / view.at.focal_px
+    pixels, depth = (found.numpy() for found in view.at.project(torch.from_numpy(points)))
+    inside = view.at.sees(torch.from_numpy(points)).numpy()
+    column, row = np.where(inside[:, None], np.minimum(pixels, view.at.width - 1), 0).astype(np.int64).T
+    slack = 2.0 * depth / float(view.at.focal_px[0])
     return inside & (depth < view.depth[row, column] + slack) & (view.ids[row, column] == _OBJECT)

@@ -9,10 +9,11 @@ from goc.evaluation.metrics import SurfaceSamples, sample_surface
 from goc.fusion.depth_views import DepthView
 from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.geometry.raycast import TriangleScene
+from goc.geometry.rays import world_rays
 from goc.geometry.topology import is_closed, signed_volume
-from goc.scene import Mesh
+from goc.scene import Camera, Mesh
 from goc.training.surroundings import no_surroundings
-from goc.training.viewpoints import Viewpoint, random_viewpoints
+from goc.training.viewpoints import random_viewpoints
 from goc.training.watertight_shape import BAND, WatertightShape
 
 _VIEWS, _VIEW_PX = 60, 200
@@ -112,16 +113,16 @@ def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.nd
     return ~passed.reshape(blocks * BLOCK)[:nx, :ny, :nz]
 
 
-def _depth_of(scene: TriangleScene, at: Viewpoint) -> DepthView:
-    origins, directions = at.rays()
+def _depth_of(scene: TriangleScene, at: Camera) -> DepthView:
+    origins, directions = world_rays(at)
     depth = scene.closest_hit(origins, directions).t
-    depth = np.where(np.isfinite(depth), depth, 1e3).astype(np.float32).reshape(at.size, at.size)
+    depth = np.where(np.isfinite(depth), depth, 1e3).astype(np.float32).reshape(at.height, at.width)
     return DepthView(
         depth=depth,
         slope=np.ones_like(depth),
         ids=None,
         colours=None,
-        camera=at.camera(),
+        camera=at,
     )
 
 

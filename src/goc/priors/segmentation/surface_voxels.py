@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import torch
 from jaxtyping import Float, Int64
 from scipy.ndimage import maximum_filter, minimum_filter
 
@@ -93,14 +94,9 @@ def revoxelized(points: np.ndarray, normals: np.ndarray, views: np.ndarray, voxe
 
 def back_project(depth: Float[np.ndarray, "h w"], camera: Camera, stride: int = 1) -> Float[np.ndarray, "r s 3"]:
     """World points of every `stride`-th pixel from its z; NaN where there is no depth."""
-    z = depth[::stride, ::stride]
-    fx, fy = camera.focal_px.double().tolist()
-    cx, cy = camera.centre_px.double().tolist()
-    x = (np.arange(0, camera.width, stride) + 0.5 - cx) / fx
-    y = (np.arange(0, camera.height, stride) + 0.5 - cy) / fy
-    pose = camera.world_from_cam.double().numpy()
-    rays = x[None, :, None] * pose[:3, 0] + y[:, None, None] * pose[:3, 1] + pose[:3, 2]
-    return rays * z[..., None] + pose[:3, 3]
+    z = torch.from_numpy(depth)[::stride, ::stride]
+    exact = camera.double()
+    return exact.in_world(exact.rays()[::stride, ::stride] * z[..., None]).numpy()
 
 
 def depth_of(frame: Frame) -> Float[np.ndarray, "h w"] | None:

@@ -11,7 +11,6 @@ from scipy.sparse import csr_array
 
 from goc.errors import ConfigError
 from goc.geometry.normals import fitted_normals
-from goc.geometry.rays import pixel_rays
 from goc.scene import Camera
 from goc.settings import Amount, Positive, Range, Settings, Share
 
@@ -161,5 +160,5 @@ def beside_jump(depth: Depth) -> Bool[np.ndarray, "h w"]:
 def incidence(depth: Depth, camera: Camera) -> Float[np.ndarray, "h w"]:
     """Angle between the surface's normal and the ray, radians; NaN where too little is known to tell."""
     normals = fitted_normals(torch.from_numpy(np.ascontiguousarray(depth, np.float32)), camera, 1)
-    rays = torch.nn.functional.normalize(pixel_rays(camera), dim=-1)
+    rays = torch.nn.functional.normalize(camera.rays(), dim=-1)
     return torch.acos((-(normals * rays).sum(-1)).clamp(-1, 1)).double().numpy()
