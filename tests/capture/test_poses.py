@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from cameras import ring
 from captures import poses
 from goc.capture.poses import PoseError, rigid
-from goc.capture.scale import guess_unit
+from goc.capture.scale import guess_units_per_metre
 
 
 def test_a_rounded_rotation_becomes_exact():
@@ -31,16 +31,16 @@ def test_a_circle_round_an_object_counts_as_two_metres(scale):
     poses = ring(np.linspace(0, 5, 12), 2 * scale)
     for pose in poses:
         pose[:3, 3] += (7, 8, 9)
-    assert guess_unit(poses) == pytest.approx(scale)
+    assert guess_units_per_metre(poses) == pytest.approx(scale)
 
 
 def test_parallel_axes_fall_back_to_the_length_of_the_path():
     row = [np.eye(4) for _ in range(5)]
     for number, pose in enumerate(row):
         pose[0, 3] = number
-    assert guess_unit(row) == pytest.approx(2.0)  # a path of four units counts as 2 m
+    assert guess_units_per_metre(row) == pytest.approx(2.0)  # a path of four units counts as 2 m
 
 
 def test_a_panorama_from_one_spot_has_no_scale():
-    assert guess_unit([pose * [[1, 1, 1, 0]] * 3 + np.eye(4) * [0, 0, 0, 1] for pose in poses()]) == 1.0
-    assert guess_unit([np.eye(4)]) == 1.0
+    assert guess_units_per_metre([pose * [[1, 1, 1, 0]] * 3 + np.eye(4) * [0, 0, 0, 1] for pose in poses()]) == 1.0
+    assert guess_units_per_metre([np.eye(4)]) == 1.0

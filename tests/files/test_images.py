@@ -64,7 +64,7 @@ def test_depth_comes_back_in_metres_with_nan_for_none(tmp_path):
     write_depth(tmp_path / "d.png", depth)
     expected = np.array([[0.001, 1.234, 65.535], [np.nan, np.nan, np.nan]], np.float32)
     np.testing.assert_allclose(read_depth(tmp_path / "d.png"), expected, rtol=1e-6)
-    np.testing.assert_allclose(read_depth(tmp_path / "d.png", unit=0.0002), expected / 5, rtol=1e-6)
+    np.testing.assert_allclose(read_depth(tmp_path / "d.png", units_per_metre=5000.0), expected / 5, rtol=1e-6)
 
 
 UNIT = RANDOM.normal(size=(5, 7, 3))
@@ -105,7 +105,7 @@ def test_depth_is_read_from_npy_without_unpickling(tmp_path):
     depth = np.array([[1.5, 0.0, np.inf]], np.float64)
     np.save(tmp_path / "d.npy", depth)
     np.testing.assert_array_equal(
-        read_depth(tmp_path / "d.npy", unit=2.0), np.array([[3.0, np.nan, np.nan]], np.float32)
+        read_depth(tmp_path / "d.npy", units_per_metre=0.5), np.array([[3.0, np.nan, np.nan]], np.float32)
     )
     np.save(tmp_path / "o.npy", np.array([[{}]], object), allow_pickle=True)
     with pytest.raises(FileError, match=r"o\.npy: not a readable \.npy file"):

@@ -66,7 +66,7 @@ def test_depth_comes_back_with_the_kept_scale_and_offset(capture, degraded):
     truth = json.loads((degraded / "gt/sensor.json").read_text())
     assert document["depth_kind"] == "affine" and truth["model"] == "MonocularDepth"
     for frame in document["frames"][:3]:
-        guess = read_depth(degraded / frame["depth_file_path"], document["depth_unit_scale_factor"])
+        guess = read_depth(degraded / frame["depth_file_path"], 1.0 / document["depth_unit_scale_factor"])
         exact = read_depth(capture / frame["depth_file_path"])
         known = truth["frames"][frame["file_path"]]
         error = np.abs(known["scale"] * guess + known["offset"] - exact) / exact

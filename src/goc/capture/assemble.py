@@ -4,7 +4,7 @@ from dataclasses import replace
 
 from goc.capture.config import CaptureConfig
 from goc.capture.decode import Photographs, WithDepth, WithIds, WithNormals, camera_of, check_shape
-from goc.capture.scale import guess_unit
+from goc.capture.scale import guess_units_per_metre
 from goc.capture.source import Source, View, complain, count_of, shown
 from goc.errors import CaptureError
 from goc.events import Listener, Warned
@@ -34,7 +34,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         raise CaptureError(f"{source.path}: {error}. Check k1 to k4, p1 and p2.") from error
     units_per_metre = config.units_per_metre
     if units_per_metre is None:
-        units_per_metre = 1.0 if measured else guess_unit([view.world_from_cam for view in views])
+        units_per_metre = 1.0 if measured else guess_units_per_metre([view.world_from_cam for view in views])
     return Capture(
         cameras=cameras,
         view_names=tuple(view.name for view in views),
@@ -53,7 +53,7 @@ def _layers(source: Source, views: tuple[View, ...], cameras: tuple[Camera, ...]
     """What decodes a view, a layer for each kind of image that some view has."""
     frames: FrameSource = Photographs(views=views, cameras=cameras)
     if any(view.depth is not None for view in views):
-        frames = WithDepth(below=frames, views=views, depth_unit=source.depth_unit)
+        frames = WithDepth(below=frames, views=views, units_per_metre=source.depth_units_per_metre)
     if any(view.ids is not None for view in views):
         frames = WithIds(below=frames, views=views, codes=source.id_codes)
     if any(view.normals is not None for view in views):

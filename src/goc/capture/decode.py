@@ -65,7 +65,8 @@ class WithDepth:
 
     below: FrameSource
     views: tuple[View, ...]
-    depth_unit: float
+    units_per_metre: float
+    """Of the stored depth."""
 
     def __call__(self, index: int) -> Frame:
         """Decode a depth image.
@@ -77,7 +78,7 @@ class WithDepth:
         frame, view = self.below(index), self.views[index]
         if view.depth is None:
             return frame
-        stored = torch.from_numpy(read_depth(view.depth, self.depth_unit))
+        stored = torch.from_numpy(read_depth(view.depth, self.units_per_metre))
         return replace(frame, depth=_nearest(view.depth, stored[None], view.lens, frame.camera)[0])
 
 

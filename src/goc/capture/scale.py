@@ -9,7 +9,7 @@ _TYPICAL_DISTANCE_M = 2.0
 _WORST_CONDITION = 1e-3
 
 
-def guess_unit(poses: Sequence[Float64[np.ndarray, "4 4"]]) -> float:
+def guess_units_per_metre(poses: Sequence[Float64[np.ndarray, "4 4"]]) -> float:
     """Guess how many scene units a metre has, from the camera path alone.
 
     People photograph what they care about from about two metres: the median distance from the cameras to the point

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from goc.errors import CaptureError
+from goc.files import MILLIMETRES
 from goc.scene import DepthKind, PointCloud
 
 _LONGEST_NAME = 120
@@ -66,8 +67,8 @@ class Source:
     path: Path
     """What errors call the capture."""
     views: tuple[View, ...]
-    depth_unit: float = 0.001
-    """Scene units that a stored depth of 1 means."""
+    depth_units_per_metre: float = MILLIMETRES
+    """How many steps of a stored depth make a scene unit, which is a metre where depth was measured."""
     depth_kind: DepthKind = "metric"
     id_codes: IdCodes = IdCodes()
     id_names: dict[int, str] = field(default_factory=dict)

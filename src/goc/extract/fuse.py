@@ -56,18 +56,18 @@ def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray,
     return voted
 
 
-def _block_grid(cells: CellCounts, metre: float, config: ExtractConfig, notify: Listener) -> BlockGrid:
-    voxel, origin = config.scene_voxel * metre, np.zeros(3)
+def _block_grid(cells: CellCounts, units_per_metre: float, config: ExtractConfig, notify: Listener) -> BlockGrid:
+    voxel, origin = config.scene_voxel * units_per_metre, np.zeros(3)
     while True:
         truncation = config.truncation_voxels * voxel
         blocks = blocks_near(cells.index, cells.size, origin, voxel, truncation)
         if len(blocks) <= config.memory_blocks:
             break
         voxel *= 2.0
-    if voxel > config.scene_voxel * metre:
+    if voxel > config.scene_voxel * units_per_metre:
         message = (
             f"The scene is too large for voxels of {config.scene_voxel} m in {config.memory_blocks} blocks: "
-            f"meshed with {voxel / metre:g} m. Raise --extract.memory-blocks for a finer mesh."
+            f"meshed with {voxel / units_per_metre:g} m. Raise --extract.memory-blocks for a finer mesh."
         )
         notify(Warned(stage="fuse scene", message=message))
     return BlockGrid(origin=origin, voxel=voxel, truncation=truncation, blocks=blocks)

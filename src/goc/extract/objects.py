@@ -88,9 +88,13 @@ def _open_object(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views
     )
 
 
-def _object_grid(own: Int32[np.ndarray, "n 3"], size: float, metre: float, config: ExtractConfig) -> BlockGrid:
+def _object_grid(
+    own: Int32[np.ndarray, "n 3"], size: float, units_per_metre: float, config: ExtractConfig
+) -> BlockGrid:
     longest = float((own.max(axis=0) + 1 - own.min(axis=0)).max()) * size
-    voxel = max(min(config.object_voxel * metre, longest / config.object_cells), config.finest_voxel * metre)
+    voxel = max(
+        min(config.object_voxel * units_per_metre, longest / config.object_cells), config.finest_voxel * units_per_metre
+    )
     reach = config.truncation_voxels * voxel
     blocks = blocks_near(own, size, np.zeros(3), voxel, reach)
     return BlockGrid(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)

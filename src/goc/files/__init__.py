@@ -6,6 +6,7 @@ from goc.files.documents import read_json, read_matrix, read_versioned, write_js
 from goc.files.evidence import read_evidence, write_evidence
 from goc.files.glb import write_glb
 from goc.files.images import (
+    MILLIMETRES,
     image_size,
     read_depth,
     read_ids,
@@ -28,6 +29,7 @@ from goc.files.tensors import read_tensors, write_tensors
 
 __all__ = [
     "MESH_SUFFIXES",
+    "MILLIMETRES",
     "Lists",
     "ObjectFiles",
     "SurfaceKind",

@@ -20,7 +20,8 @@ MAX_PIXELS = 89_000_000
 
 _FORMATS = ("PNG", "JPEG", "WEBP", "BMP")  # not EPS and the like, whose decoders start other programs
 _LIMIT = 1 << 30
-_MILLIMETRE = 0.001
+MILLIMETRES = 1000.0
+"""Units per metre of depth images as goc writes them."""
 
 
 def image_size(path: Path) -> tuple[int, int]:
@@ -49,12 +50,12 @@ def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     return np.array(image.convert("RGB"))
 
 
-def read_depth(path: Path, unit: float = _MILLIMETRE) -> Float32[np.ndarray, "h w"]:
+def read_depth(path: Path, units_per_metre: float = MILLIMETRES) -> Float32[np.ndarray, "h w"]:
     """Read a depth image: a grey PNG, 8 or 16 bits, or a .npy array.
 
     Args:
         path: stored values, 0 (or anything not finite or negative) = none.
-        unit: what a stored 1 means, metres.
+        units_per_metre: how many steps of the stored values make a metre.
 
     Returns:
         Metres, NaN = none.
@@ -64,7 +65,7 @@ def read_depth(path: Path, unit: float = _MILLIMETRE) -> Float32[np.ndarray, "h 
     """
     values = _read_npy(path) if path.suffix.lower() == ".npy" else _channel(path, "a depth image")
     with np.errstate(over="ignore", invalid="ignore"):
-        metres = values.astype(np.float32) * np.float32(unit)
+        metres = values.astype(np.float32) * np.float32(1.0 / units_per_metre)
         return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(np.nan))
 
 
@@ -134,7 +135,7 @@ def write_normals(path: Path, normals: Float[np.ndarray, "h w 3"]) -> None:
 def write_depth(path: Path, depth: Float[np.ndarray, "h w"]) -> None:
     """Write metres as a 16-bit PNG in millimetres, atomically; NaN, and what is beyond 65.535 m, becomes 0 = none."""
     with np.errstate(invalid="ignore"):
-        millimetres = np.rint(depth / _MILLIMETRE)
+        millimetres = np.rint(depth / (1.0 / MILLIMETRES))
         kept = np.where((millimetres > 0) & (millimetres <= np.iinfo(np.uint16).max), millimetres, 0)
     write_png(path, kept.astype(np.uint16))
 

@@ -11,20 +11,20 @@ _KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
 
-def evidence_block_grid(points: Float32[np.ndarray, "v 3"], metre: float, config: FusionConfig) -> BlockGrid:
+def evidence_block_grid(points: Float32[np.ndarray, "v 3"], units_per_metre: float, config: FusionConfig) -> BlockGrid:
     """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
 
     Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
     surface where it is, and can do so only as finely as this.
     """
-    pad = config.evidence_pad * metre
+    pad = config.evidence_pad * units_per_metre
     low, high = _extent(points)
     low, high = low - pad, high + pad
     longest = float((high - low).max())
     voxel = max(
-        min(config.object_voxel * metre, longest / config.evidence_cells),
+        min(config.object_voxel * units_per_metre, longest / config.evidence_cells),
         longest / (2 * config.evidence_cells),
-        config.finest_voxel * metre,
+        config.finest_voxel * units_per_metre,
     )
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -91,8 +91,9 @@ class Capture:
     id_names: dict[int, str] = field(default_factory=dict[int, str])
     """Names of ids where the capture gives them."""
     units_per_metre: float = 1.0
-    """Scene units in one metre. 1 where the capture is metric; otherwise a guess from the camera path, so that
-    thresholds stated in metres mean something."""
+    """How many scene units make a metre: a length in metres times this is one in scene units. 1 where the capture is
+    metric; otherwise a guess from the camera path, so that thresholds stated in metres mean something. The same words
+    say what files store: a depth image of 1000 units per metre holds millimetres, whatever its format calls that."""
     metric: bool = True
 
     @property

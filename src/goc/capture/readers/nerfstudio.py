@@ -64,7 +64,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
     return Source(
         path=path,
         views=_views(path, document),
-        depth_unit=document.depth_unit_scale_factor,
+        depth_units_per_metre=1.0 / document.depth_unit_scale_factor,
         depth_kind=document.depth_kind,
         id_names=_id_names(root / "labels.json"),
         points=None if document.ply_file_path is None else read_points(root / document.ply_file_path),

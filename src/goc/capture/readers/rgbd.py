@@ -78,7 +78,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
             )
             for image, pose in zip(images, poses, strict=True)
         ),
-        depth_unit=1.0 / meta.depth_scale,
+        depth_units_per_metre=meta.depth_scale,
         id_codes=IdCodes(meta.instance_background, meta.instance_unknown, tuple(meta.mask_values)),
         id_names=parse_id_names(where, meta.instances),
     )

@@ -32,7 +32,7 @@ class SegmentedObjects:
 
 
 def find_objects(
-    surface: SurfaceVoxels, room: RoomPlanes, config: SegmentConfig, metre: float, rng: np.random.Generator
+    surface: SurfaceVoxels, room: RoomPlanes, config: SegmentConfig, units_per_metre: float, rng: np.random.Generator
 ) -> SegmentedObjects:
     """Ids of all voxels: 0 = room, 1… objects by falling size, -1 = too small.
 
@@ -43,26 +43,26 @@ def find_objects(
     if room.mask.all():
         return SegmentedObjects(np.zeros(len(surface), np.int64), {})
     cells = ground_cells(surface.points, room.up, surface.voxel)
-    supports = find_supports(surface, room, cells, config, metre, rng)
-    column = _columns(surface, supports, cells, metre)
+    supports = find_supports(surface, room, cells, config, units_per_metre, rng)
+    column = _columns(surface, supports, cells, units_per_metre)
     ids = _cut(surface, ~room.mask, supports, column)
     a, b = neighbour_pairs(surface.keys, TOUCHING)
     a, b = np.concatenate([a, b]), np.concatenate([b, a])
     grounded = np.bincount(ids[a[(ids[a] >= 0) & room.mask[b]]], minlength=int(ids.max(initial=-1)) + 1) > 0
     touching = (ids[a] >= 0) & (ids[b] >= 0) & (ids[a] != ids[b])
     a, b = a[touching], b[touching]
-    things = PartGraph(surface, room, metre, supports, ids, column, cells, (a, b), grounded).merged()
-    return _order(surface, things, supports, config, metre)
+    things = PartGraph(surface, room, units_per_metre, supports, ids, column, cells, (a, b), grounded).merged()
+    return _order(surface, things, supports, config, units_per_metre)
 
 
 def _columns(
-    surface: SurfaceVoxels, supports: list[Support], cells: Int64[np.ndarray, "v 2"], metre: float
+    surface: SurfaceVoxels, supports: list[Support], cells: Int64[np.ndarray, "v 2"], units_per_metre: float
 ) -> Bool[np.ndarray, "v"]:
     """Whether each voxel lies below some support or its rim."""
     column = np.zeros(len(surface), bool)
     for support in supports:
         below = support.plane.distance(surface.points) < BELOW * surface.voxel
-        column |= below & reach_of(support, surface, metre).holds(cells)
+        column |= below & reach_of(support, surface, units_per_metre).holds(cells)
     return column
 
 
@@ -89,30 +89,32 @@ def _order(
     things: Int64[np.ndarray, "v"],
     supports: list[Support],
     config: SegmentConfig,
-    metre: float,
+    units_per_metre: float,
 ) -> SegmentedObjects:
     """Drop objects that are too small, and number the others by falling size."""
     ids = np.where(things >= 0, UNLABELLED, ROOM).astype(np.int64)
     sizes = np.bincount(things[things >= 0]) if (things >= 0).any() else np.zeros(0, int)
-    least = max(8.0, 2.0 * (config.min_object_m * metre / surface.voxel) ** 2)
+    least = max(8.0, 2.0 * (config.min_object_m * units_per_metre / surface.voxel) ** 2)
     number, names = 0, {}
     for thing in np.argsort(-sizes, kind="stable")[: (sizes >= least).sum()]:
         rows = np.flatnonzero(things == thing)
-        if np.ptp(surface.points[rows], axis=0).max() < config.min_object_m * metre:
+        if np.ptp(surface.points[rows], axis=0).max() < config.min_object_m * units_per_metre:
             continue
         number += 1
         ids[rows] = number
         faces = [support for support in supports if things[support.rows[0]] == thing]
-        names[number] = "table" if _is_table(faces, surface, rows, metre) else f"object {number}"
+        names[number] = "table" if _is_table(faces, surface, rows, units_per_metre) else f"object {number}"
     return SegmentedObjects(ids, names)
 
 
-def _is_table(faces: list[Support], surface: SurfaceVoxels, rows: Int64[np.ndarray, "m"], metre: float) -> bool:
+def _is_table(
+    faces: list[Support], surface: SurfaceVoxels, rows: Int64[np.ndarray, "m"], units_per_metre: float
+) -> bool:
     """Whether one of a thing's faces is its top, nothing rising past it, and there is little but legs below."""
     for face in faces:
         height = face.plane.distance(surface.points[rows])
-        risen = (height > TOP_M * metre).mean()
-        below = (height < -TOP_M * metre).sum() / len(face.rows)
+        risen = (height > TOP_M * units_per_metre).mean()
+        below = (height < -TOP_M * units_per_metre).sum() / len(face.rows)
         if risen < 0.02 and below < OPEN_BELOW:
             return True
     return False

@@ -40,7 +40,7 @@ class PartGraph:
 
     surface: SurfaceVoxels
     room: RoomPlanes
-    metre: float
+    units_per_metre: float
     supports: list[Support]
     ids: Int64[np.ndarray, "v"]
     """Part of each voxel: bodies from 0 on, then the supports; -1 = none."""
@@ -102,12 +102,12 @@ class PartGraph:
         """Whether a face is no higher than people sit: what rises at its rim from below is its arm or back."""
         floor = self.room.floor
         return floor is not None and bool(
-            floor.distance(self.surface.points[support.rows]).mean() < SEAT_M * self.metre
+            floor.distance(self.surface.points[support.rows]).mean() < SEAT_M * self.units_per_metre
         )
 
     def _near(self, support: Support) -> Int64[np.ndarray, "m"]:
         """Rows of bodies near a face, cracks between the two included."""
-        span = UNDER_M * self.metre
+        span = UNDER_M * self.units_per_metre
         rows = np.flatnonzero((self.ids >= 0) & (self.ids < self.bodies))
         rows = rows[np.abs(support.plane.distance(self.surface.points[rows])) < span]
         distance, _ = cKDTree(self.surface.points[support.rows]).query(
@@ -117,7 +117,7 @@ class PartGraph:
 
     def _rim_share(self, support: Support, at: Int64[np.ndarray, "m"], wide: bool) -> float:
         """Share of a face's rim that runs along the voxels `at`; `wide` bridges the crack behind a seat."""
-        reach = max(2, round(CLOSE_M * self.metre / self.surface.voxel) + 1 if wide else 2)
+        reach = max(2, round(CLOSE_M * self.units_per_metre / self.surface.voxel) + 1 if wide else 2)
         rim = support.footprint.rim()
         distance, _ = cKDTree(self.cells[at]).query(rim, distance_upper_bound=reach + 0.5, p=np.inf)
         return float(np.isfinite(distance).mean())
@@ -125,14 +125,18 @@ class PartGraph:
     def _legs(self, support: Support, above: Float[np.ndarray, "q"]) -> list[int]:
         """Bodies below a face that end just under it, or stand on the floor and end under it, the joint unseen."""
         rows = np.flatnonzero((self.ids >= 0) & self.column)
-        rows = rows[reach_of(support, self.surface, self.metre).holds(self.cells[rows])]
+        rows = rows[reach_of(support, self.surface, self.units_per_metre).holds(self.cells[rows])]
         found = []
         for part, mine in self._grouped(rows):
             inside = support.footprint.holds(self.cells[mine]).sum()
             if above[part] > 1 - ABOVE or len(mine) < 0.8 * self.sizes[part] or inside < 0.5 * self.sizes[part]:
                 continue
-            gap = -support.plane.distance(self.surface.points[mine]).max() / self.metre
-            foot = self.room.floor.distance(self.surface.points[mine]).min() / self.metre if self.room.floor else np.inf
+            gap = -support.plane.distance(self.surface.points[mine]).max() / self.units_per_metre
+            foot = (
+                self.room.floor.distance(self.surface.points[mine]).min() / self.units_per_metre
+                if self.room.floor
+                else np.inf
+            )
             if gap < CLOSE_M or (gap < UNDER_M and foot < UNDER_M):
                 found.append(part)
         return found
@@ -156,7 +160,7 @@ class PartGraph:
     def _continues(self, part: int, at: Int64[np.ndarray, "m"], support: Support) -> bool:
         """Whether a body outside continues what carries the face: it touches broadly and stays below."""
         rows = np.flatnonzero(self.ids == part)
-        rises = (support.plane.distance(self.surface.points[rows]) > RISES_M * self.metre).mean() > 1 - ABOVE
+        rises = (support.plane.distance(self.surface.points[rows]) > RISES_M * self.units_per_metre).mean() > 1 - ABOVE
         return bool(not rises and len(np.unique(at)) >= BROAD * np.sqrt(len(rows)))
 
     def _floating_parts(self, links: list[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -198,7 +202,7 @@ class PartGraph:
         if not len(rows) or not len(host_rows):
             return []
         distance, nearest = cKDTree(self.surface.points[host_rows]).query(
-            self.surface.points[rows], distance_upper_bound=reach_m * self.metre
+            self.surface.points[rows], distance_upper_bound=reach_m * self.units_per_metre
         )
         joined = []
         for part, mine in self._grouped(rows):

@@ -31,7 +31,7 @@ class RoomPlanes:
 
 
 def find_room_planes(
-    surface: SurfaceVoxels, cameras: tuple[Camera, ...], metre: float, rng: np.random.Generator
+    surface: SurfaceVoxels, cameras: tuple[Camera, ...], units_per_metre: float, rng: np.random.Generator
 ) -> RoomPlanes:
     """Find up, the planes of the room, and the voxels on them; without any plane, the largest structure is the room."""
     poses = np.stack([camera.world_from_cam.double().numpy() for camera in cameras])
@@ -39,12 +39,14 @@ def find_room_planes(
     up, level = find_up(surface.points, surface.normals, surface.voxel, poses, rng)
     floor = find_floor(surface.points, surface.normals, surface.voxel, up, positions) if level else None
     ceiling = _ceiling(surface, up, positions) if level else None
-    walls = _walls(surface, up, positions, metre, rng)
+    walls = _walls(surface, up, positions, units_per_metre, rng)
     planes = [plane for plane in (floor, ceiling, *walls) if plane is not None]
-    noises = [min(max(robust_sigma(_near(plane, surface)), 0.25 * surface.voxel), 0.03 * metre) for plane in planes]
+    noises = [
+        min(max(robust_sigma(_near(plane, surface)), 0.25 * surface.voxel), 0.03 * units_per_metre) for plane in planes
+    ]
     mask = np.zeros(len(surface), bool)
     for plane, noise in zip(planes, noises, strict=True):
-        mask |= claimed_by(plane, surface, noise, up, metre)
+        mask |= claimed_by(plane, surface, noise, up, units_per_metre)
     if not planes:
         mask = _largest_part(surface)
     noise = float(np.median(noises)) if noises else 0.5 * surface.voxel
@@ -58,7 +60,7 @@ def _largest_part(surface: SurfaceVoxels) -> Bool[np.ndarray, "v"]:
 
 
 def claimed_by(
-    plane: Plane, surface: SurfaceVoxels, noise: float, up: np.ndarray, metre: float
+    plane: Plane, surface: SurfaceVoxels, noise: float, up: np.ndarray, units_per_metre: float
 ) -> Bool[np.ndarray, "v"]:
     """Voxels on a plane, within three noises when they face its way and one otherwise, and those seen behind it."""
     distance = plane.distance(surface.points)
@@ -67,14 +69,14 @@ def claimed_by(
     claimed = distance < np.where(facing, near, np.minimum(near, max(noise, 0.4 * surface.voxel)))
     if abs(plane.normal @ up) > 0.5:
         return claimed
-    strips = _strips(plane, surface, up, metre)
+    strips = _strips(plane, surface, up, units_per_metre)
     covered = np.unique(strips[claimed & facing & (distance > -near)])
     return claimed & np.isin(strips, np.concatenate([covered - 1, covered, covered + 1]))
 
 
-def _strips(plane: Plane, surface: SurfaceVoxels, up: np.ndarray, metre: float) -> Int64[np.ndarray, "v"]:
+def _strips(plane: Plane, surface: SurfaceVoxels, up: np.ndarray, units_per_metre: float) -> Int64[np.ndarray, "v"]:
     """The upright strip of a wall, ten centimetres wide, before or behind which each voxel lies."""
-    return np.floor(along(surface.points, np.cross(up, plane.normal)) / (0.1 * metre)).astype(np.int64)
+    return np.floor(along(surface.points, np.cross(up, plane.normal)) / (0.1 * units_per_metre)).astype(np.int64)
 
 
 def _before(plane: Plane, positions: Float[np.ndarray, "n 3"]) -> float:
@@ -101,7 +103,7 @@ def _walls(
     surface: SurfaceVoxels,
     up: np.ndarray,
     positions: Float[np.ndarray, "n 3"],
-    metre: float,
+    units_per_metre: float,
     rng: np.random.Generator,
 ) -> tuple[Plane, ...]:
     """Upright planes before which all cameras stand, tall, and with hardly anything seen behind them."""
@@ -120,13 +122,18 @@ def _walls(
         if inliers.sum() < MIN_SHARE * len(surface):
             break
         left &= ~inliers
-        if _is_wall(plane, surface, inliers, up, positions, metre):
+        if _is_wall(plane, surface, inliers, up, positions, units_per_metre):
             walls.append(plane)
     return tuple(walls)
 
 
 def _is_wall(
-    plane: Plane, surface: SurfaceVoxels, inliers: np.ndarray, up: np.ndarray, positions: np.ndarray, metre: float
+    plane: Plane,
+    surface: SurfaceVoxels,
+    inliers: np.ndarray,
+    up: np.ndarray,
+    positions: np.ndarray,
+    units_per_metre: float,
 ) -> bool:
     """Tall, cameras before it, and little seen behind the columns it covers."""
     heights = along(surface.points, up)
@@ -136,8 +143,8 @@ def _is_wall(
         return False
     if _before(plane, positions) < 0.9:
         return False
-    strips = _strips(plane, surface, up, metre)
-    behind = plane.distance(surface.points) < -max(4 * surface.voxel, 0.08 * metre)
+    strips = _strips(plane, surface, up, units_per_metre)
+    behind = plane.distance(surface.points) < -max(4 * surface.voxel, 0.08 * units_per_metre)
     behind &= np.isin(strips, np.unique(strips[inliers]))
     return bool(surface.views[behind].sum() <= MAX_BEHIND * surface.views[inliers].sum())
 

@@ -77,9 +77,9 @@ def footprint_of(cells: Int64[np.ndarray, "m 2"]) -> Footprint:
     return Footprint(origin, binary_fill_holes(binary_closing(mask, iterations=margin) | mask))
 
 
-def reach_of(support: Support, surface: SurfaceVoxels, metre: float) -> Footprint:
+def reach_of(support: Support, surface: SurfaceVoxels, units_per_metre: float) -> Footprint:
     """The footprint of a support with its rim, which may be rounded, or blurred by drift."""
-    return support.footprint.grown(max(1, round(RIM_M * metre / surface.voxel)))
+    return support.footprint.grown(max(1, round(RIM_M * units_per_metre / surface.voxel)))
 
 
 def find_supports(
@@ -87,27 +87,27 @@ def find_supports(
     room: RoomPlanes,
     cells: Int64[np.ndarray, "v 2"],
     config: SegmentConfig,
-    metre: float,
+    units_per_metre: float,
     rng: np.random.Generator,
 ) -> list[Support]:
     """Connected horizontal planes among what is not room, of at least `min_support_m2`, above knee-deep things."""
     free = ~room.mask
     if room.floor is not None:
-        free &= room.floor.distance(surface.points) > LOWEST_M * metre
+        free &= room.floor.distance(surface.points) > LOWEST_M * units_per_metre
     level = free & (along(surface.normals, room.up) > LEVEL)
     parts = parts_of(surface.keys, level, 1.8)
     sizes = np.bincount(parts[level], minlength=1)
-    needed = config.min_support_m2 * (metre / surface.voxel) ** 2
+    needed = config.min_support_m2 * (units_per_metre / surface.voxel) ** 2
     found: list[Support] = []
     for part in np.argsort(-sizes, kind="stable")[: (sizes >= needed).sum()]:
         left = np.flatnonzero(parts == part)
         while len(left) >= needed:
-            face = _largest_face(surface, left, free, cells, room.up, metre, rng)
+            face = _largest_face(surface, left, free, cells, room.up, units_per_metre, rng)
             if face is None or len(face.rows) < needed:
                 break
             left = np.setdiff1d(left, face.rows)
             free[face.rows] = False
-            if not _lies_on(face, cells, metre, found):
+            if not _lies_on(face, cells, units_per_metre, found):
                 found.append(face)
     return found
 
@@ -118,7 +118,7 @@ def _largest_face(
     free: Bool[np.ndarray, "v"],
     cells: Int64[np.ndarray, "v 2"],
     up: Float[np.ndarray, "3"],
-    metre: float,
+    units_per_metre: float,
     rng: np.random.Generator,
 ) -> Support | None:
     """The largest horizontal plane among some voxels, with all that is free in its layer over its footprint."""
@@ -126,8 +126,8 @@ def _largest_face(
     if plane is None or plane.normal @ up < LEVEL:
         return None
     distance = plane.distance(surface.points[rows])
-    noise = robust_sigma(distance[np.abs(distance) < max(2 * surface.voxel, FLAT_M * metre)])
-    near = max(0.75 * surface.voxel, min(3.0 * noise, FLAT_M * metre))
+    noise = robust_sigma(distance[np.abs(distance) < max(2 * surface.voxel, FLAT_M * units_per_metre)])
+    near = max(0.75 * surface.voxel, min(3.0 * noise, FLAT_M * units_per_metre))
     mine = rows[np.abs(distance) <= near]
     if not len(mine):
         return None
@@ -136,10 +136,10 @@ def _largest_face(
     return Support(plane, np.union1d(mine, layer[footprint.holds(cells[layer])]), footprint)
 
 
-def _lies_on(face: Support, cells: Int64[np.ndarray, "v 2"], metre: float, supports: list[Support]) -> bool:
+def _lies_on(face: Support, cells: Int64[np.ndarray, "v 2"], units_per_metre: float, supports: list[Support]) -> bool:
     """Whether a face lies over a larger one at less than a hand's height: the top of a thing that stands there."""
     for support in supports:
         height = face.plane.offset - support.plane.offset
-        if 0 < height < APART_M * metre and support.footprint.holds(cells[face.rows]).mean() > 0.5:
+        if 0 < height < APART_M * units_per_metre and support.footprint.holds(cells[face.rows]).mean() > 0.5:
             return True
     return False

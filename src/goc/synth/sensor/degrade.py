@@ -144,7 +144,7 @@ def _degrade_depth(
     if config.depth is None:
         link(capture.root / path, out / path)
         return _DegradedView()
-    depth = read_depth(capture.root / path, capture.shared.depth_unit_scale_factor).astype(np.float64)
+    depth = read_depth(capture.root / path, 1.0 / capture.shared.depth_unit_scale_factor).astype(np.float64)
     camera = capture.camera(entry, depth.shape[1], depth.shape[0])
     made = _DegradedView(changes={"depth_file_path": path.with_suffix(".png").as_posix()})
     target = out / path.with_suffix(".png")
