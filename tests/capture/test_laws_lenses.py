@@ -8,7 +8,7 @@ import pytest
 from cameras import random_poses, ring
 from goc.capture.distortion import distort, kept_box, sampling_grid
 from goc.capture.poses import OPENCV_FROM_OPENGL, PoseError, rigid
-from goc.capture.scale import guess_unit
+from goc.capture.scale import guess_units_per_metre
 from goc.capture.source import Lens, count_of, parse_id_names, shown
 from goc.errors import CaptureError
 from laws import MOTIONS, SCALES, only, over
@@ -122,14 +122,14 @@ def test_the_guessed_unit_scales_with_the_world_and_ignores_where_it_is(motion, 
     moved = [motion @ pose for pose in poses]
     for pose in moved:
         pose[:3, 3] *= scale
-    assert guess_unit(moved) == pytest.approx(scale * guess_unit(poses), rel=1e-9)
+    assert guess_units_per_metre(moved) == pytest.approx(scale * guess_units_per_metre(poses), rel=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_guessed_unit_ignores_the_order_of_views(seed):
     poses = ring(np.linspace(0.0, 5.0, 11), 2.0, 0.8)
     order = np.random.default_rng(seed).permutation(len(poses))
-    assert guess_unit([poses[i] for i in order]) == pytest.approx(guess_unit(poses))
+    assert guess_units_per_metre([poses[i] for i in order]) == pytest.approx(guess_units_per_metre(poses))
 
 
 @pytest.mark.parametrize(
