@@ -1,6 +1,7 @@
 """Which device computes: the processor, or a CUDA device that has shown that it can."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Literal
 
 import torch
@@ -50,3 +51,14 @@ def working_device(wanted: DeviceName = "auto") -> torch.device:
         return device if (ones @ ones)[0, 0].item() == 8.0 else CPU
     except (RuntimeError, AssertionError):  # a driver or a device that this PyTorch was not built for
         return CPU
+
+
+@contextmanager
+def one_torch_thread() -> Iterator[None]:
+    """Leave the cores to the native kernels: PyTorch's own threads spin between its many small operations."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)

@@ -12,9 +12,9 @@ from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
 from goc.files.layout import OVERVIEW, REPORT
-from goc.priors.segmentation import SegmentConfig, segment
+from goc.priors import PriorsConfig, SegmentConfig, add_priors, segment
 from goc.raster import choose_engine
-from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, vote_labels
+from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
 from goc.report import write_overview, write_report
 from goc.runs import RunRecord, claim_output
 from goc.scene import Capture, Reconstruction, Scene
@@ -31,6 +31,8 @@ class CarveConfig:
     """Reading the capture."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     """Telling objects apart, where the capture has no ids."""
+    priors: PriorsConfig = field(default_factory=PriorsConfig)
+    """What photographs and monocular depth say before there are splats."""
     reconstruct: ReconstructConfig = field(default_factory=ReconstructConfig)
     """Optimising the splats."""
     extract: ExtractConfig = field(default_factory=ExtractConfig)
@@ -86,6 +88,9 @@ def carve(
         if given.has_metric_depth and not given.has_ids:
             with run.stage("segment"):
                 capture = segment(given, config.segment, run)
+        with run.stage("priors"):
+            train, _ = split_views(len(capture), config.reconstruct.holdout_every)
+            capture = add_priors(capture, config.priors, run, train)
         with run.stage("reconstruct"):
             splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes, engine=engine)
         views = rendered_views(splats, capture, engine.device)

@@ -11,8 +11,9 @@ from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError
 from goc.geometry.native_camera import native_camera
+from goc.priors import PriorsConfig, StereoConfig, add_priors
 from goc.priors.stereo import stereo_depths
-from goc.reconstruct import ReconstructConfig, StereoConfig
+from goc.reconstruct import ReconstructConfig
 from goc.reconstruct.seed import seed
 from goc.scene import Camera, Capture, Frame
 from oracles import stereo as slow
@@ -174,8 +175,7 @@ def test_a_wrong_depth_is_refused():
 
 def test_seeds_of_photographs_lie_on_the_surface():
     config = ReconstructConfig(mcmc=replace(ReconstructConfig().mcmc, max_splats=1500))
-    config = replace(config, seeding=replace(config.seeding, stereo=SMALL))
-    splats = seed(photographed(AROUND), list(range(6)), config)
+    splats = seed(add_priors(photographed(AROUND), PriorsConfig(stereo=SMALL)), list(range(6)), config)
     off = ((splats.means.double().numpy() - ORIGIN) @ NORMAL) / 2.0
     assert len(splats) > 1000
     assert np.median(np.abs(off)) < 0.005
@@ -186,8 +186,9 @@ def test_seeds_of_photographs_lie_on_the_surface():
 
 def test_photographs_that_match_nowhere_start_from_the_scene_box():
     config = ReconstructConfig()
-    config = replace(config, seeding=replace(config.seeding, stereo=replace(SMALL, side_px=48), random_points=600))
-    splats = seed(photographed(AROUND, blank=True), list(range(6)), config)
+    config = replace(config, seeding=replace(config.seeding, random_points=600))
+    blank = add_priors(photographed(AROUND, blank=True), PriorsConfig(stereo=replace(SMALL, side_px=48)))
+    splats = seed(blank, list(range(6)), config)
     assert len(splats) == 600
 
 

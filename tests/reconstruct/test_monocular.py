@@ -1,59 +1,27 @@
-"""Monocular depth on a tiny room of boxes: aligned before the start, again while optimising, and view by view."""
+"""Monocular depth on a tiny room of boxes: seeds of aligned depth, and what is fitted again while optimising."""
 
 from dataclasses import fields, replace
 
-import numpy as np
 import pytest
 import torch
 
-import captures
-from goc.capture import CaptureConfig, load_capture
-from goc.files import write_depth
+from goc.events import ignore
+from goc.geometry.monocular import ROW, aligned_frame
+from goc.priors.monocular import align_views
 from goc.reconstruct import Mcmc, Monocular, ReconstructConfig, reconstruct
 from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.losses import RenderedDepth
-from goc.reconstruct.monocular import ROW, aligned_capture, aligned_frame, refresh, start_alignment
-from goc.scene import Capture, PointCloud
+from goc.reconstruct.monocular import refresh
+from goc.scene import Capture, CapturePriors
+from monocular import LINES, known, truth, written
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=0, mcmc=Mcmc(max_splats=1500, every=10))
-LINES = [(k, b) for k, b in zip(np.geomspace(0.5, 2.0, 8), np.linspace(-0.1, 0.5, 8), strict=True)]
-"""k and b of each view."""
 
 
-def written(folder, kind: str, change=captures.keep) -> Capture:
-    """The box room with depth stored up to k and b of each view: D = (z - b) / k, or (1/z - b) / k."""
-
-    def all_changes(document):
-        document |= {"depth_kind": kind, "depth_unit_scale_factor": 0.0001}
-        change(document)
-
-    captures.write_nerfstudio(folder, views=8, change=all_changes)
-    for view, pose in enumerate(captures.poses(8)):
-        depth = captures.see(pose).depth
-        k, b = line(view, kind)
-        stored = ((depth if kind == "affine" else 1.0 / depth) - b) / k
-        write_depth(folder / f"depth/{view:04d}.png", 10.0 * stored)
-    return load_capture(folder, CaptureConfig(units_per_metre=1.0))
-
-
-def line(view: int, kind: str) -> tuple[float, float]:
-    k, b = LINES[view]
-    return (k, b) if kind == "affine" else (k, -0.3 * b - 0.05)
-
-
-def truth(view: int) -> torch.Tensor:
-    return torch.from_numpy(captures.see(captures.poses(8)[view]).depth).float()
-
-
-def known(capture: Capture, views=range(8), side: int = 16) -> dict:
-    """What stereo would say: true depth of every fourth pixel, a fifth of it wrong."""
-    found = {}
-    for view in views:
-        depth = truth(view)[2::4, 2::4].clone()
-        wrong = torch.rand(depth.shape, generator=torch.Generator().manual_seed(view)) < 0.2
-        depth[wrong] = 0.7
-        found[view] = capture.cameras[view].resized(16, 12), depth
-    return found
+def aligned(capture: Capture) -> Capture:
+    """The capture with priors: each view aligned with what is known of it."""
+    rows = align_views(capture, list(range(8)), known(capture), ignore)
+    return replace(capture, priors=CapturePriors(alignment=rows))
 
 
 def shown(depth: torch.Tensor, alpha: float = 1.0) -> RenderedDepth:
@@ -69,46 +37,6 @@ def row_of(k: float, b: float) -> torch.Tensor:
 @pytest.fixture(scope="module")
 def affine(tmp_path_factory) -> Capture:
     return written(tmp_path_factory.mktemp("affine"), "affine")
-
-
-@pytest.mark.parametrize("kind", ["affine", "inverse"])
-def test_known_depths_give_each_view_its_scale_and_offset(tmp_path, kind):
-    capture = written(tmp_path, kind)
-    rows = start_alignment(capture, list(range(8)), known(capture), print)
-    seen = aligned_capture(capture, rows)
-    assert seen.has_metric_depth and not capture.has_metric_depth
-    for view in range(8):
-        k, b = line(view, kind)
-        assert rows[view, :2].tolist() == pytest.approx([k, b], abs=0.02)  # stored to a tenth of a millimetre
-        error = (seen[view].depth - truth(view)).abs() / truth(view)
-        assert error[torch.isfinite(error)].median() < 0.01
-        assert torch.isfinite(error).float().mean() > 0.6
-
-
-def test_sparse_points_align_too_and_hidden_ones_do_not_disturb(affine):
-    """A tenth of the surface of every view as points: each view sees through its walls those of all others."""
-    points = []
-    for pose in captures.poses(8):
-        shot = captures.see(pose)
-        u, v = np.meshgrid(np.arange(64) + 0.5, np.arange(48) + 0.5)
-        rays = np.stack([(u - 31.0) / 50.0, (v - 24.5) / 51.0, np.ones_like(u)], -1) @ pose[:3, :3].T
-        points.append((pose[:3, 3] + rays * shot.depth[..., None]).reshape(-1, 3)[::10])
-    positions = np.concatenate(points).astype(np.float32)
-    cloud = PointCloud(positions=positions, colours=np.zeros((len(positions), 3), np.uint8))
-    rows = start_alignment(replace(affine, points=cloud), list(range(8)), {}, print)
-    errors = [abs(rows[view, 0].item() / LINES[view][0] - 1.0) for view in range(8)]
-    assert max(errors) < 0.05 and np.median(errors) < 0.01
-
-
-def test_a_view_that_nothing_is_known_of_has_no_depth(affine):
-    heard = []
-    bare = replace(affine, points=None)
-    rows = start_alignment(bare, list(range(8)), known(affine, [0, 2]), heard.append)
-    assert torch.isfinite(rows[:, 0]).tolist() == [True, False, True, *[False] * 5]
-    assert heard[-1].message == "the depth of 6 of 8 views (first: images/0001.png) agrees with nothing known"
-    seen = aligned_capture(bare, rows)
-    assert seen[0].depth is not None and seen[1].depth is None
-    assert not aligned_capture(bare, start_alignment(bare, list(range(8)), {}, heard.append)).has_depth
 
 
 def test_ramps_of_blurred_edges_are_left_out(affine):
@@ -173,7 +101,7 @@ def test_given_normals_count_without_depth(affine):
 
 
 def test_a_monocular_capture_is_reconstructed_like_one_of_a_depth_camera(affine):
-    found = reconstruct(affine, replace(QUICK, iterations=150), known_depths=lambda: known(affine))
+    found = reconstruct(aligned(affine), replace(QUICK, iterations=150))
     assert "train_median_depth_error_m" not in found.metrics  # nothing here was measured in metres
     from goc.raster import render
 
@@ -182,16 +110,14 @@ def test_a_monocular_capture_is_reconstructed_like_one_of_a_depth_camera(affine)
 
 
 def test_without_any_anchor_it_starts_from_the_points(affine):
-    heard = []
-    found = reconstruct(affine, replace(QUICK, iterations=20), heard.append, known_depths=dict)
-    assert any("agrees with nothing known" in getattr(event, "message", "") for event in heard)
+    found = reconstruct(affine, replace(QUICK, iterations=20))
     assert torch.isfinite(found.gaussians.means).all()
 
 
 @pytest.mark.parametrize("every", [0, 1])
 def test_a_stopped_run_resumes_bit_equal(affine, tmp_path, every):
     config = replace(QUICK, iterations=40, checkpoint_every=20, monocular=Monocular(refresh_every=every))
-    whole = reconstruct(affine, config, known_depths=lambda: known(affine))
+    whole = reconstruct(aligned(affine), config)
 
     class Stopped(Exception):
         pass
@@ -202,7 +128,7 @@ def test_a_stopped_run_resumes_bit_equal(affine, tmp_path, every):
 
     path = tmp_path / "checkpoint.safetensors"
     with pytest.raises(Stopped):
-        reconstruct(affine, config, stop, path, known_depths=lambda: known(affine))
+        reconstruct(aligned(affine), config, stop, path)
     resumed = reconstruct(affine, config, checkpoint=path, resume=True)
     for item in fields(whole.gaussians):
         a, b = getattr(whole.gaussians, item.name), getattr(resumed.gaussians, item.name)

@@ -17,7 +17,7 @@ from goc.reconstruct.labels import capture_ids, votes_of_view
 from goc.reconstruct.losses.identity import classes_of
 from goc.reconstruct.seed import splat_budget
 from goc.reconstruct.step import identity_stride
-from goc.scene import UNLABELLED, Capture, Gaussians
+from goc.scene import UNLABELLED, Capture, CapturePriors, Gaussians
 
 QUICK = ReconstructConfig(iterations=60, checkpoint_every=20, mcmc=Mcmc(max_splats=1500, every=10))
 
@@ -105,6 +105,8 @@ def test_seeds_without_depth_come_from_points_then_from_the_box(tmp_path):
     from_box = reconstruct(replace(blind, points=None), config)
     assert 400 <= len(from_box.gaussians) <= 1500
     assert torch.isfinite(from_box.gaussians.means).all()
+    unmatched = replace(blind, priors=CapturePriors(stereo={}))  # few points, and photographs that match nowhere
+    assert len(reconstruct(unmatched, replace(config, iterations=1)).gaussians) == 400
 
 
 def test_every_loss_is_switched_off_by_its_weight(capture):

@@ -16,18 +16,20 @@ import captures
 from goc.capture import CaptureConfig, load_capture
 from goc.device import CPU
 from goc.errors import ConfigError, ReconstructError
+from goc.events import ignore
+from goc.geometry.monocular import EPOCH
+from goc.priors.monocular import align_views
 from goc.raster import NATIVE
 from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, geometry_prior
 from goc.reconstruct import reconstruct as reconstruct_with
 from goc.reconstruct.adam import adam
 from goc.reconstruct.losses.penalties import add_penalties
-from goc.reconstruct.monocular import EPOCH
 from goc.reconstruct.schedule import epoch_of_step, steps_of_epoch, views_of_step
 from goc.reconstruct.state import initial_state
 from goc.reconstruct.step import TrainingStep
 from goc.reconstruct.task import Task
 from goc.reconstruct.training_views import UploadedViews
-from goc.scene import Capture, Gaussians, Reconstruction
+from goc.scene import Capture, CapturePriors, CoarseDepth, Gaussians, Reconstruction
 
 ON_DEVICE = replace(NATIVE, fused=False)
 STILL = Mcmc(max_splats=600, every=5, noise=0.0)
@@ -236,29 +238,29 @@ def test_a_checkpoint_of_one_engine_goes_on_with_another(capture, tmp_path):
     assert resumed.metrics["train_psnr_db"] == pytest.approx(whole.metrics["train_psnr_db"], abs=0.1)
 
 
-def halved(capture: Capture) -> Capture:
-    """The capture with half its depth, called affine."""
+def halved(capture: Capture, aligned: int) -> Capture:
+    """The capture with half its depth, called affine; of the first views it is known."""
+    known = {view: CoarseDepth(camera=capture.cameras[view], depth=capture[view].depth) for view in range(aligned)}
 
     def load(index):
         frame = capture[index]
         return replace(frame, depth=0.5 * frame.depth, normals=None)
 
-    return replace(capture, frames=load, depth_kind="affine", points=None)
+    affine = replace(capture, frames=load, depth_kind="affine", points=None)
+    rows = align_views(affine, list(range(len(capture))), known, ignore)
+    return replace(affine, priors=CapturePriors(alignment=rows))
 
 
 def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
     """Views that nothing is known of wait for the splats; then all are compared."""
-    depths = {view: (capture.cameras[view], capture[view].depth) for view in range(4)}
-    config = replace(BASE, monocular=Monocular(settle=False))
-    found = [reconstruct(halved(capture), config, known_depths=lambda: depths, engine=e) for e in (NATIVE, ON_DEVICE)]
+    found = [reconstruct(halved(capture, aligned=4), BASE, engine=engine) for engine in (NATIVE, ON_DEVICE)]
     apart = (found[0].gaussians.means - found[1].gaussians.means).norm(dim=-1)
     assert apart.median() < 1e-3
 
 
 def test_epochs_are_counted_in_views_not_in_steps(capture, monkeypatch):
     """Eight views, four a step: an epoch is two steps, in which every view's alignment is fitted again."""
-    depths = {view: (capture.cameras[view], capture[view].depth) for view in range(8)}
-    config = replace(BASE, views_a_step=4, iterations=12, monocular=Monocular(settle=False, refresh_every=1))
+    config = replace(BASE, views_a_step=4, iterations=12, monocular=Monocular(refresh_every=1))
     refresh, runs = geometry_prior.refresh, {}
 
     def watched(row, frame, kind, shown, epoch, monocular):
@@ -269,7 +271,7 @@ def test_epochs_are_counted_in_views_not_in_steps(capture, monkeypatch):
     monkeypatch.setattr(geometry_prior, "refresh", watched)
     for engine in (NATIVE, ON_DEVICE):
         log = []
-        runs[engine] = reconstruct(halved(capture), config, known_depths=lambda: depths, engine=engine), log
+        runs[engine] = reconstruct(halved(capture, aligned=8), config, engine=engine), log
     (native, epochs), (device, same_epochs) = runs.values()
     assert epochs == same_epochs
     assert [epoch for epoch, _, _ in epochs] == [step // 2 for step in range(12) for _ in range(4)]

@@ -1,10 +1,10 @@
 """Settings of what is known before there are splats."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Annotated
 
 from goc.errors import ConfigError
-from goc.settings import Count, Positive, Range, Settings
+from goc.settings import Count, CountOrNone, Positive, Range, Settings
 
 
 @dataclass(frozen=True)
@@ -39,3 +39,16 @@ class StereoConfig(Settings):
         if self.agreeing > self.neighbours:
             text = f"{{neighbours}} is {self.neighbours}: needs at least as many as {{agreeing}} ({self.agreeing})."
             raise ConfigError(text, type(self))
+
+
+@dataclass(frozen=True)
+class PriorsConfig(Settings):
+    """What is found out about surfaces before there are splats, where a capture has no metric depth."""
+
+    fewest_points: CountOrNone = 2000
+    """With fewer points than this, depth is found by stereo between the photographs: to seed splats where there is no
+    depth, and to align monocular depth with."""
+    bend: bool = True
+    """Let the monocular depth of each view give way, slowly across the image, until neighbours look alike."""
+    stereo: StereoConfig = field(default_factory=StereoConfig)
+    """Matching of the photographs."""

@@ -8,7 +8,6 @@ from goc.reconstruct.config import (
     Multiview,
     ReconstructConfig,
     SeedConfig,
-    StereoConfig,
 )
 from goc.reconstruct.labels import vote_labels
 from goc.reconstruct.reconstruct import reconstruct, split_views
@@ -21,7 +20,6 @@ __all__ = [
     "Multiview",
     "ReconstructConfig",
     "SeedConfig",
-    "StereoConfig",
     "reconstruct",
     "split_views",
     "vote_labels",

@@ -4,7 +4,6 @@ from dataclasses import dataclass, field
 from typing import Annotated, Literal
 
 from goc.errors import ConfigError
-from goc.priors.config import StereoConfig
 from goc.settings import Amount, Count, CountOrNone, OpenShare, Positive, Range, Seed, Settings, Share
 
 
@@ -111,8 +110,6 @@ class SeedConfig(Settings):
 
     random_points: Annotated[int, Range(least=100)] = 20_000
     """Points in the scene box, where a capture has neither depth nor points and its photographs match nowhere."""
-    fewest_points: CountOrNone = 2000
-    """A capture without depth and with fewer points than this is seeded by stereo."""
     flatness: Annotated[float, Range(above=0, most=1)] = 0.15
     """Thickness over width of a seed splat with a known normal."""
     opacity: OpenShare = 0.8
@@ -121,16 +118,12 @@ class SeedConfig(Settings):
     """Share of stereo's seeds that lie where no view is sure, on depth interpolated inside each view."""
     fill_opacity: OpenShare = 0.1
     """Opacity of those."""
-    stereo: StereoConfig = field(default_factory=StereoConfig)
-    """Matching of the photographs."""
 
 
 @dataclass(frozen=True)
 class Monocular(Settings):
-    """How depth of unknown scale and offset is aligned (captures of depth kind affine or inverse)."""
+    """How depth of unknown scale and offset is aligned again while splats improve (depth kind affine or inverse)."""
 
-    settle: bool = True
-    """Before the start, let the depth of each view give way, slowly across the image, until neighbours look alike."""
     refresh_every: CountOrNone = 0
     """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
     that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
@@ -162,7 +155,7 @@ class ReconstructConfig(Settings):
     seeding: SeedConfig = field(default_factory=SeedConfig)
     """First splats."""
     monocular: Monocular = field(default_factory=Monocular)
-    """Aligning monocular depth."""
+    """Aligning monocular depth again."""
     losses: LossWeights = field(default_factory=LossWeights)
     """Weights of the losses."""
     rates: LearningRates = field(default_factory=LearningRates)

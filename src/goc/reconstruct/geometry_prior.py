@@ -6,10 +6,11 @@ import torch
 from jaxtyping import Float, Int8
 from torch import Tensor
 
+from goc.geometry.monocular import SHAPE, aligned_frame, shape_of
 from goc.geometry.normals import fitted_normals, fitting_radius
 from goc.reconstruct.config import Monocular
 from goc.reconstruct.losses import GeometryPrior, RenderedDepth
-from goc.reconstruct.monocular import ALIGNMENT, SHAPE, aligned_frame, refresh, shape_of
+from goc.reconstruct.monocular import ALIGNMENT, refresh
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture
 

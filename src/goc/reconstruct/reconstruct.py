@@ -1,27 +1,23 @@
 """Stage 2: Capture → Reconstruction."""
 
 import math
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import torch
 from jaxtyping import Int16
 from torch import Tensor
 
-from goc.device import CPU
+from goc.device import CPU, one_torch_thread
 from goc.errors import ReconstructError
 from goc.events import Listener, Progress, Warned, ignore
-from goc.priors.stereo import stereo_depths
 from goc.raster import NATIVE, Engine, render
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
-from goc.reconstruct.monocular import ALIGNMENT, KnownDepths, aligned_capture, start_alignment
+from goc.reconstruct.monocular import ALIGNMENT, aligned_capture, alignment_of
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
 from goc.reconstruct.seed import seed, splat_budget
-from goc.reconstruct.settle import settled
 from goc.reconstruct.state import State, initial_state
 from goc.reconstruct.task import Task
 from goc.scene.capture import UNLABELLED, Capture
@@ -37,38 +33,24 @@ def reconstruct(
     notify: Listener = ignore,
     checkpoint: Path | None = None,
     resume: bool = False,
-    known_depths: Callable[[], KnownDepths] | None = None,
     engine: Engine = NATIVE,
 ) -> Reconstruction:
     """Optimise labelled Gaussians that show what the capture shows (paper §4).
 
     Args:
-        capture: posed views; depth and ids are used where there are any.
+        capture: posed views; depth, ids and priors are used where there are any.
         config: steps, losses, rates, budget.
         notify: hears Progress with the running PSNR and the number of splats.
         checkpoint: file that keeps the state every `config.checkpoint_every` steps.
         resume: continue from that file; bit-equal to an uninterrupted run on a CPU.
-        known_depths: what monocular depth is aligned with before the start, beside the capture's points; stereo if None
-            and these are few.
         engine: what draws. What comes out is on the processor.
 
     Raises:
         ReconstructError: fewer than two views, nothing to start from, or a loss that is not finite.
     """
-    with _one_torch_thread():
+    with one_torch_thread():
         task = _task(capture, config, notify, engine)
-        return _reconstruct(task, notify, checkpoint, resume, known_depths)
-
-
-@contextmanager
-def _one_torch_thread() -> Iterator[None]:
-    """Leave the cores to the native kernels: PyTorch's own threads spin between its many small operations."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+        return _reconstruct(task, notify, checkpoint, resume)
 
 
 def _task(capture: Capture, config: ReconstructConfig, notify: Listener, engine: Engine) -> Task:
@@ -91,20 +73,13 @@ def _task(capture: Capture, config: ReconstructConfig, notify: Listener, engine:
     )
 
 
-def _reconstruct(
-    task: Task,
-    notify: Listener,
-    checkpoint: Path | None,
-    resume: bool,
-    known_depths: Callable[[], KnownDepths] | None,
-) -> Reconstruction:
+def _reconstruct(task: Task, notify: Listener, checkpoint: Path | None, resume: bool) -> Reconstruction:
     capture, config, train = task.capture, task.config, task.views
     _, held_out = split_views(len(capture), config.holdout_every)
 
     def begin() -> State:
-        known = known_depths or (lambda: _stereo_depths(capture, train, config, notify))
-        seen, remembered = _aligned(capture, train, known, config, notify)
-        gaussians = seed(seen, train, config, notify)
+        seen, remembered = _aligned(capture)
+        gaussians = seed(seen, train, config)
         state = _with_features(gaussians, task) if task.names else initial_state(gaussians, {})
         state.views |= remembered
         return state
@@ -128,28 +103,12 @@ def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify
     return pairs
 
 
-def _aligned(
-    capture: Capture,
-    views: list[int],
-    known: Callable[[], KnownDepths],
-    config: ReconstructConfig,
-    notify: Listener,
-) -> tuple[Capture, dict[str, Tensor]]:
+def _aligned(capture: Capture) -> tuple[Capture, dict[str, Tensor]]:
     """The capture with depth to seed from, and what is to be remembered of its views."""
     if not capture.has_depth or capture.has_metric_depth:
         return capture, {}
-    rows = start_alignment(capture, views, known(), notify)
-    if config.monocular.settle:
-        rows = settled(capture, views, rows, notify)
-    return aligned_capture(capture, rows), {ALIGNMENT: rows}
-
-
-def _stereo_depths(capture: Capture, views: list[int], config: ReconstructConfig, notify: Listener) -> KnownDepths:
-    """What photographs alone say of depth; nothing where the capture's points say enough."""
-    if capture.points is not None and len(capture.points.positions) >= config.seeding.fewest_points:
-        return {}
-    found = stereo_depths(capture, views, config.seeding.stereo, notify)
-    return {view: (seen.camera, seen.depth) for view, seen in found.items()}
+    rows = alignment_of(capture)
+    return aligned_capture(capture, rows), {ALIGNMENT: rows.clone()}
 
 
 def split_views(count: int, holdout_every: int) -> tuple[list[int], list[int]]:

@@ -1,4 +1,4 @@
-"""The first splats: from depth, else from the capture's points, else from stereo, else from the scene box."""
+"""The first splats: from depth, else from stereo, else from the capture's points, else from the scene box."""
 
 from dataclasses import dataclass, replace
 
@@ -9,15 +9,14 @@ from scipy.spatial import cKDTree
 from torch import Tensor
 
 from goc.errors import ReconstructError
-from goc.events import Listener, ignore
 from goc.geometry.harmonics import BAND_0
 from goc.geometry.inpaint import filled
 from goc.geometry.normals import normals_from_depth
 from goc.geometry.rotations import quats_towards
-from goc.priors.stereo import StereoView, stereo_depths
 from goc.reconstruct.config import ReconstructConfig
 from goc.scene.capture import Capture, Frame
 from goc.scene.gaussians import Gaussians
+from goc.scene.priors import CoarseDepth
 
 _POOL = 12
 """Candidates back-projected for each splat of the budget."""
@@ -53,27 +52,28 @@ def splat_budget(capture: Capture, config: ReconstructConfig) -> int:
     return min(config.mcmc.max_splats, max(pixels, 1000))
 
 
-def seed(capture: Capture, views: list[int], config: ReconstructConfig, notify: Listener = ignore) -> Gaussians:
+def seed(capture: Capture, views: list[int], config: ReconstructConfig) -> Gaussians:
     """Place the first splats on what the views say of the surface.
 
     Args:
-        capture: its depth, else its points, else what its photographs say, else the box its cameras look into.
+        capture: its depth, else the stereo of its priors, else its points, else the box its cameras look into. Where
+            stereo was asked for there are few points, if any; where photographs do not match, the box is next.
         views: indices of the views that may be looked at (those not held out).
         config: budget, opacity and shape of the seeds.
-        notify: hears Progress of stereo.
 
     Raises:
         ReconstructError: fewer than four usable points.
     """
     generator = torch.Generator().manual_seed(config.seed)
     budget, seeding = splat_budget(capture, config), config.seeding
-    cloud = 0 if capture.points is None else len(capture.points.positions)
     if capture.has_depth:
         points = _thin(_from_depth(capture, views, budget * _POOL, seeding.opacity), budget, generator)
-    elif cloud >= seeding.fewest_points:
+    elif capture.priors is not None and capture.priors.stereo is not None:
+        points = _from_stereo(capture, views, config, generator)
+    elif capture.points is not None and len(capture.points.positions):
         points = _from_cloud(capture, budget, seeding.opacity, generator)
     else:
-        points = _from_photographs(capture, views, config, generator, notify)
+        points = _from_box(capture, views, seeding.random_points, generator)
     if len(points.positions) < 4:
         raise ReconstructError(
             f"only {len(points.positions)} points to start from in {len(views)} views: "
@@ -122,12 +122,10 @@ def _from_depth(capture: Capture, views: list[int], wanted: int, opacity: float)
     return _joined(found)
 
 
-def _from_photographs(
-    capture: Capture, views: list[int], config: ReconstructConfig, generator: torch.Generator, notify: Listener
-) -> _Points:
+def _from_stereo(capture: Capture, views: list[int], config: ReconstructConfig, generator: torch.Generator) -> _Points:
     """Stereo's surface, and between it a share of less certain points; the scene box where photographs do not match."""
-    seeding, budget = config.seeding, splat_budget(capture, config)
-    stereo = stereo_depths(capture, views, seeding.stereo, notify)
+    assert capture.priors is not None and capture.priors.stereo is not None
+    seeding, budget, stereo = config.seeding, splat_budget(capture, config), capture.priors.stereo
     step = max(1, sum(view.depth.numel() for view in stereo.values()) // (budget * _POOL))
     sure = [_of_stereo(capture, view, found, step, seeding.opacity) for view, found in stereo.items()]
     trusted = _joined(sure)
@@ -138,7 +136,7 @@ def _from_photographs(
     return _joined([_thin(trusted, budget - share, generator), _thin(_joined(between), share, generator)])
 
 
-def _of_stereo(capture: Capture, view: int, found: StereoView, step: int, opacity: float) -> _Points:
+def _of_stereo(capture: Capture, view: int, found: CoarseDepth, step: int, opacity: float) -> _Points:
     """Every `step`-th pixel of a coarse depth map that has depth and a normal."""
     size = (found.camera.height, found.camera.width)
     image = torch.nn.functional.interpolate(capture[view].image.float().permute(2, 0, 1)[None], size, mode="area")[0]
@@ -147,7 +145,7 @@ def _of_stereo(capture: Capture, view: int, found: StereoView, step: int, opacit
     return _of_frame(frame, pixels, opacity)
 
 
-def _between(found: StereoView) -> StereoView:
+def _between(found: CoarseDepth) -> CoarseDepth:
     """Depth where nothing was trusted: inverse depth spread smoothly from where it was."""
     inverse = filled(1.0 / found.depth)
     hole = ~torch.isfinite(found.depth) & torch.isfinite(inverse)

@@ -9,9 +9,10 @@ from jaxtyping import Int16, UInt8
 from torch import Tensor
 
 from goc.device import CPU
+from goc.geometry.monocular import SCALE
 from goc.raster import Engine, Views, views_of
 from goc.reconstruct.losses import GeometryPrior, RenderedDepth
-from goc.reconstruct.monocular import ALIGNMENT, SCALE
+from goc.reconstruct.monocular import ALIGNMENT
 from goc.reconstruct.task import Task
 
 _SHARE = 0.5

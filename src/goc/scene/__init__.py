@@ -15,6 +15,7 @@ from goc.scene.capture import (
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh
 from goc.scene.object import FlaggedMesh, SceneObject
+from goc.scene.priors import CapturePriors, CoarseDepth
 from goc.scene.reconstruction import Reconstruction
 from goc.scene.rendering import Rendering
 from goc.scene.scene import Scene
@@ -25,6 +26,8 @@ __all__ = [
     "UNLABELLED",
     "Camera",
     "Capture",
+    "CapturePriors",
+    "CoarseDepth",
     "DepthKind",
     "FlaggedMesh",
     "Evidence",

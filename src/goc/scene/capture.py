@@ -9,6 +9,7 @@ from jaxtyping import Float, Float32, Int16, UInt8
 from torch import Tensor
 
 from goc.scene.camera import Camera
+from goc.scene.priors import CapturePriors
 
 UNLABELLED = -1
 """Id of a pixel nobody labelled: carries no loss and no vote (files say 255, or 65535 in 16 bits)."""
@@ -90,6 +91,8 @@ class Capture:
     points: PointCloud | None = None
     id_names: dict[int, str] = field(default_factory=dict[int, str])
     """Names of ids where the capture gives them."""
+    priors: CapturePriors | None = None
+    """What `goc.priors.add_priors` found out; None before."""
     units_per_metre: float = 1.0
     """How many scene units make a metre: a length in metres times this is one in scene units. 1 where the capture is
     metric; otherwise a guess from the camera path, so that thresholds stated in metres mean something. The same words

@@ -10,8 +10,8 @@ from goc.capture import load_capture
 from goc.capture.source import Lens
 from goc.events import ignore
 from goc.geometry.alignment import CELLS, spread
-from goc.reconstruct.monocular import GRID, ROW, aligned_frame
-from goc.reconstruct.settle import settled
+from goc.geometry.monocular import GRID, ROW, aligned_frame
+from goc.priors.bend import bend
 from goc.scene import Capture, Frame
 
 LENS = Lens(96, 72, (75.0, 76.0), (47.0, 36.5))
@@ -21,7 +21,7 @@ VIEWS = 16
 @pytest.fixture(scope="module")
 def room(tmp_path_factory) -> Capture:
     """True depth, called affine: k = 1 and b = 0 in every view. Waves of a foot or so on all surfaces."""
-    folder = captures.write_nerfstudio(tmp_path_factory.mktemp("settle"), views=VIEWS, lens=LENS)
+    folder = captures.write_nerfstudio(tmp_path_factory.mktemp("bend"), views=VIEWS, lens=LENS)
     capture = load_capture(folder)
     directions = torch.tensor([[17.0, -6.0, 11.0], [9.0, 15.0, -13.0], [-12.0, 7.0, 18.0]])
 
@@ -34,13 +34,13 @@ def room(tmp_path_factory) -> Capture:
     return replace(capture, frames=textured, depth_kind="affine", metric=False)
 
 
-def rows_with(bend: float) -> torch.Tensor:
+def rows_with(most: float) -> torch.Tensor:
     rows = torch.zeros(VIEWS, ROW)
     rows[:, 0] = 1.0
     across = torch.linspace(-1.0, 1.0, CELLS)
     for view in range(VIEWS):
         tilt = across[None] if view % 2 else across[:, None]
-        rows[view, GRID] = ((-1) ** (view // 2) * bend * tilt).expand(CELLS, CELLS).reshape(-1)
+        rows[view, GRID] = ((-1) ** (view // 2) * most * tilt).expand(CELLS, CELLS).reshape(-1)
     return rows
 
 
@@ -55,14 +55,14 @@ def error(room: Capture, rows: torch.Tensor) -> float:
 
 def test_bent_depth_straightens(room):
     bent = rows_with(0.03)
-    found = settled(room, list(range(VIEWS)), bent, ignore)
+    found = bend(room, list(range(VIEWS)), bent, ignore)
     assert error(room, found) < 0.6 * error(room, bent)
     assert torch.equal(found[:, :4], bent[:, :4])
 
 
 def test_right_depth_stays(room):
     true = rows_with(0.0)
-    assert error(room, settled(room, list(range(VIEWS)), true, ignore)) < 0.004
+    assert error(room, bend(room, list(range(VIEWS)), true, ignore)) < 0.004
 
 
 def test_the_unit_of_the_scene_changes_nothing(room):
@@ -75,17 +75,17 @@ def test_the_unit_of_the_scene_changes_nothing(room):
     load = lambda view: replace(room[view], camera=cameras[view], depth=10.0 * room[view].depth)
     large = replace(room, cameras=tuple(cameras), frames=load, units_per_metre=10.0 * room.units_per_metre)
     bent = rows_with(0.02)
-    a, b = (settled(capture, list(range(VIEWS)), bent, ignore) for capture in (room, large))
+    a, b = (bend(capture, list(range(VIEWS)), bent, ignore) for capture in (room, large))
     torch.testing.assert_close(a[:, GRID], b[:, GRID], atol=2e-4, rtol=0)
 
 
 def test_a_view_alone_or_not_aligned_stays_as_it_is(room):
     bent = rows_with(0.03)
-    torch.testing.assert_close(settled(room, [2], bent, ignore), bent, atol=1e-6, rtol=0)
-    assert torch.equal(settled(room, [], bent, ignore), bent)
+    torch.testing.assert_close(bend(room, [2], bent, ignore), bent, atol=1e-6, rtol=0)
+    assert torch.equal(bend(room, [], bent, ignore), bent)
     bent[3] = torch.nan
     heard = []
-    found = settled(room, list(range(VIEWS)), bent, heard.append)
+    found = bend(room, list(range(VIEWS)), bent, heard.append)
     assert torch.isnan(found[3]).all() and torch.isfinite(found[4]).all()
     assert heard[-1].done == heard[-1].total == 4 * (VIEWS - 1)
     field = spread(found[4, GRID].view(CELLS, CELLS), 72, 96)

@@ -14,8 +14,8 @@ from torch.nn import functional as F  # noqa: N812
 
 from goc.events import Listener, Progress
 from goc.geometry.alignment import CELLS, cell_means
+from goc.geometry.monocular import GRID, SCALE, aligned_frame
 from goc.geometry.neighbours import PairLimits, neighbour_views
-from goc.reconstruct.monocular import GRID, SCALE, aligned_frame
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture, Frame
 
@@ -23,7 +23,7 @@ _SIDE_PX = 192
 _STEPS = (0.02, 0.015, 0.01, 0.01)
 """Share of the depth over which each round takes its slopes: about one pixel of parallax."""
 _SLACK = 0.5
-"""Share of the squared slopes that holds a cell back: with all of them it takes ten rounds to settle (measured)."""
+"""Share of the squared slopes that holds a cell back: with all of them it takes ten rounds (measured)."""
 _LARGEST = 0.03
 _RIDGE = 5.0
 """Squared slope (contrast a share of depth) at which photographs and start are trusted alike: (0.3 / 0.02)² over some
@@ -49,13 +49,15 @@ class _View:
     """Local contrast: zero mean and unit deviation in each window."""
 
 
-def settled(capture: Capture, views: list[int], rows: Float[Tensor, "n r"], notify: Listener) -> Float[Tensor, "n r"]:
-    """Refine the slow errors of aligned views until their surfaces look alike in their neighbours (Gauss-Newton).
+def bend(capture: Capture, views: list[int], rows: Float[Tensor, "n r"], notify: Listener) -> Float[Tensor, "n r"]:
+    """Bend the surfaces of aligned views, slowly across the image, until they look alike in their neighbours.
+
+    By Gauss-Newton, on the slow errors.
 
     Args:
         capture: its depth is affine or inverse.
         views: which take part; those that are not aligned do not.
-        rows: alignments, as `start_alignment` makes them.
+        rows: alignments, as `align_views` makes them.
         notify: hears Progress.
 
     Returns:
