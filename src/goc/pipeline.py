@@ -88,9 +88,10 @@ def carve(
         if given.has_metric_depth and not given.has_ids:
             with run.stage("segment"):
                 capture = segment(given, config.segment, run)
-        with run.stage("priors"):
-            train, _ = split_views(len(capture), config.reconstruct.holdout_every)
-            capture = add_priors(capture, config.priors, run, train)
+        if not given.has_metric_depth:
+            with run.stage("priors"):
+                train, _ = split_views(len(capture), config.reconstruct.holdout_every)
+                capture = add_priors(capture, config.priors, run, train)
         with run.stage("reconstruct"):
             splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes, engine=engine)
         views = rendered_views(splats, capture, engine.device)

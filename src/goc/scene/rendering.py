@@ -14,8 +14,8 @@ class Rendering:
     """sRGB in 0…1 over a black background."""
     alpha: Float[Tensor, "h w"]
     depth: Float[Tensor, "h w"]
-    """Expected z of the splats' centres, Eq. (2), metres; 0 where alpha is 0."""
+    """Expected z of the splats' centres, Eq. (2), scene units; 0 where alpha is 0."""
     plane_depth: Float[Tensor, "h w"]
-    """z where the ray meets the blended splat plane, metres; NaN where there is none."""
+    """z where the ray meets the blended splat plane, scene units; NaN where there is none."""
     normals: Float[Tensor, "h w 3"]
     """Blended splat normals, camera axes, facing the camera; unit where alpha > 0."""
