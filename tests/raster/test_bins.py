@@ -5,11 +5,12 @@ import math
 import pytest
 import torch
 
+from cameras import pinhole
 from goc import _native
+from goc.geometry.native_camera import native_camera
 
 WIDTH, HEIGHT, FOCAL, DEPTH = 45, 37, 60.0, 2.0
 """Neither whole tiles nor whole blocks."""
-ORIGIN = torch.eye(4)[:3].tolist()
 
 
 def touched(centre: tuple[float, float], sigma_px: float, opacity: float) -> tuple[int, int]:
@@ -21,7 +22,7 @@ def touched(centre: tuple[float, float], sigma_px: float, opacity: float) -> tup
         torch.tensor([math.log(opacity / (1 - opacity))]),
     )
     raster = _native.Raster()
-    view = _native.Camera((FOCAL, FOCAL), centre, WIDTH, HEIGHT, ORIGIN, ORIGIN)
+    view = native_camera(pinhole(FOCAL, (WIDTH, HEIGHT), centre))
     images, alpha = [torch.zeros(1, HEIGHT, WIDTH)], torch.zeros(HEIGHT, WIDTH)
     raster.forward(splats, _native.Channels(torch.ones(1, 1)), view, images, alpha)
     return raster.records, raster.blocks
@@ -67,7 +68,7 @@ def test_splats_at_one_depth_blend_in_their_order():
             torch.full((count,), -1.0),
         )
         image, alpha = torch.zeros(1, 16, 16), torch.zeros(16, 16)
-        view = _native.Camera((FOCAL, FOCAL), (8.0, 8.0), 16, 16, ORIGIN, ORIGIN)
+        view = native_camera(pinhole(FOCAL, (16, 16)))
         _native.Raster().forward(splats, _native.Channels(torch.arange(count)[:, None].float()), view, [image], alpha)
         share = torch.sigmoid(torch.tensor(-1.0)) * math.exp(-0.25 / (64 + _native.DILATION))  # at (8.5, 8.5)
         through = (1 - share) ** torch.arange(count + 1)

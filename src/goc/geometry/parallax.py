@@ -68,7 +68,7 @@ def _points(camera: Camera, distance: float) -> Float64[np.ndarray, "p 3"]:
     steps = (np.arange(_GRID) + 0.5) / _GRID
     pixels = np.stack(np.meshgrid(steps * camera.width, steps * camera.height), -1).reshape(-1, 2)
     z = np.repeat(distance * np.array(_DEPTHS), len(pixels))
-    return camera.unproject(torch.from_numpy(np.tile(pixels, (len(_DEPTHS), 1))), torch.from_numpy(z)).numpy()
+    return camera.unproject(torch.as_tensor(np.tile(pixels, (len(_DEPTHS), 1))), torch.as_tensor(z)).numpy()
 
 
 def _angle_weight(

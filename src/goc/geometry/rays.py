@@ -18,8 +18,6 @@ def world_rays(
     if pixels is None:
         local = camera.rays().reshape(-1, 3)
     else:
-        local = torch.nn.functional.pad(
-            (torch.from_numpy(pixels) - camera.centre_px) / camera.focal_px, (0, 1), value=1
-        )
+        local = torch.nn.functional.pad((torch.as_tensor(pixels) - camera.centre_px) / camera.focal_px, (0, 1), value=1)
     directions = (local @ camera.world_from_cam[:3, :3].T).numpy()
     return np.broadcast_to(camera.position.numpy(), directions.shape), directions
