@@ -67,6 +67,7 @@ def test_rays_have_depth_one_and_the_axis_goes_through_the_centre():
     assert rays.shape == (48, 64, 3) and (rays[..., 2] == 1).all()
     assert torch.equal(rays[7, 10], torch.tensor([0.0, 0.0, 1.0]))
     torch.testing.assert_close(rays[7, 11, 0], 1 / view.focal_px[0])
+    assert torch.equal(view.rays_through(torch.tensor([[0.5, 0.5], [63.5, 47.5]])), rays[[0, 47], [0, 63]])
 
 
 @given(st.integers(0, 10_000))

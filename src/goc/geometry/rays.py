@@ -15,9 +15,6 @@ def world_rays(
     Directions have z = 1 in camera axes, so that the length of a ray, in its own direction, is depth.
     """
     camera = camera.double()
-    if pixels is None:
-        local = camera.rays().reshape(-1, 3)
-    else:
-        local = torch.nn.functional.pad((torch.as_tensor(pixels) - camera.centre_px) / camera.focal_px, (0, 1), value=1)
+    local = camera.rays().reshape(-1, 3) if pixels is None else camera.rays_through(torch.as_tensor(pixels))
     directions = (local @ camera.world_from_cam[:3, :3].T).numpy()
     return np.broadcast_to(camera.position.numpy(), directions.shape), directions

@@ -85,15 +85,18 @@ class Camera:
 
     def unproject(self, pixels: Float[Tensor, "*b 2"], z: Float[Tensor, "*b"]) -> Float[Tensor, "*b 3"]:
         """The world points that are seen at pixel coordinates and z; undoes `project`. NaN where z is."""
-        plane = (pixels - self.centre_px) / self.focal_px
-        return self.in_world(torch.nn.functional.pad(plane, (0, 1), value=1.0) * z[..., None])
+        return self.in_world(self.rays_through(pixels) * z[..., None])
 
     def unproject_depth(self, depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
         """The world points that a z-depth image of this camera sees at its pixel centres; NaN where depth is."""
         return self.in_world(self.rays() * depth[..., None])
 
+    def rays_through(self, pixels: Float[Tensor, "*b 2"]) -> Float[Tensor, "*b 3"]:
+        """K⁻¹p of pixel coordinates, camera axes, z = 1: times z it is the point seen there."""
+        return torch.nn.functional.pad((pixels - self.centre_px) / self.focal_px, (0, 1), value=1.0)
+
     def rays(self) -> Float[Tensor, "h w 3"]:
-        """K⁻¹p of each pixel centre, camera axes, z = 1: times z it is the point seen there."""
+        """`rays_through` the centre of each pixel."""
         shape = (self.height, self.width)
         x = (self._steps(self.width) - self.centre_px[0]) / self.focal_px[0]
         y = (self._steps(self.height) - self.centre_px[1]) / self.focal_px[1]
