@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from assets import box_mesh, box_scene
+from cameras import pinhole
 from fuzz import assert_only_file_errors
 from goc.errors import FileError
 from goc.files import (
@@ -26,7 +27,7 @@ from goc.files import (
     write_tensors,
 )
 from goc.files.layout import run_files
-from goc.scene import Camera, EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
+from goc.scene import EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
 
 FILES = {
     "scene.json",
@@ -63,15 +64,10 @@ def random_grid(random):
 
 
 def random_camera(random):
-    pose = torch.eye(4)
-    pose[:3] = torch.from_numpy(random.normal(size=(3, 4)))
-    return Camera(
-        focal_px=torch.from_numpy(random.random(2) + 50).float(),
-        centre_px=torch.from_numpy(random.random(2) + 30).float(),
-        width=int(random.integers(1, 99)),
-        height=int(random.integers(1, 99)),
-        world_from_cam=pose,
-    )
+    pose = np.eye(4)
+    pose[:3] = random.normal(size=(3, 4))
+    size = int(random.integers(1, 99)), int(random.integers(1, 99))
+    return pinhole(random.random(2) + 50, size, random.random(2) + 30, pose)
 
 
 def random_scene(seed, parts):

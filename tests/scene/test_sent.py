@@ -12,12 +12,13 @@ import torch
 
 import captures
 from assets import box_splats
+from cameras import pinhole
 from goc.capture import CaptureConfig, load_capture
 from goc.extract import rendered_views
 from goc.priors.segmentation import SegmentConfig, segment
 from goc.reconstruct.labels import classified_views, new_classifier
 from goc.reconstruct.monocular import ROW, aligned_capture
-from goc.scene import Camera, Capture, Gaussians
+from goc.scene import Capture, Gaussians
 from goc.scene.cache import bytes_of
 from workers import digest, digests
 
@@ -123,13 +124,7 @@ def test_layers_that_share_a_cache_share_it_where_they_arrive(tmp_path):
 
 
 def test_cameras_and_splats_arrive_as_they_were():
-    camera = Camera(
-        focal_px=torch.tensor([50.0, 51.0], dtype=torch.float64),
-        centre_px=torch.tensor([31.0, 24.5], dtype=torch.float64),
-        width=64,
-        height=48,
-        world_from_cam=torch.eye(4, dtype=torch.float64),
-    )
+    camera = pinhole((50.0, 51.0), centre=(31.0, 24.5)).double()
     splats = replace(box_splats().gaussians, identity=None)
     arrived, landed = pickle.loads(pickle.dumps((camera, splats)))
     assert (arrived.width, arrived.height) == (64, 48)
