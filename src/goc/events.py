@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
+from goc.scene.gaussians import Gaussians
+
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
@@ -15,6 +17,16 @@ class Progress:
     """Current figures worth showing, such as {"PSNR dB": 28.1, "splats": 60000}."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Snapshot:
+    """The splats as they are after a step, for whoever watches them grow."""
+
+    stage: str
+    step: int
+    splats: Gaussians
+    """Shares its memory with the optimisation, on the device that it runs on: copy what is to outlive the call."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Warned:
     """Something a user should know, that did not stop the stage."""
@@ -23,7 +35,7 @@ class Warned:
     message: str
 
 
-Event = Progress | Warned
+Event = Progress | Snapshot | Warned
 Listener = Callable[[Event], None]
 
 

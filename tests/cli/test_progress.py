@@ -4,8 +4,9 @@ import sys
 
 import pytest
 
+from assets import box_scene
 from goc.cli.progress import Pace, duration, figure, shown_progress
-from goc.events import Progress, Warned
+from goc.events import Progress, Snapshot, Warned
 
 
 @pytest.mark.parametrize(
@@ -88,3 +89,9 @@ def test_on_a_terminal_every_stage_is_one_line(monkeypatch):
         "reconstruct",
         "export",
     ] or "export" in final
+
+
+def test_a_log_says_nothing_of_snapshots(capsys):
+    with shown_progress() as notify:
+        notify(Snapshot(stage="reconstruct", step=50, splats=box_scene().splats))
+    assert capsys.readouterr().err == ""

@@ -11,6 +11,7 @@ from cameras import pinhole
 from goc import _native
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
+from goc.events import Snapshot
 from goc.raster import render_labels
 from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, geometry_prior, reconstruct, split_views, vote_labels
 from goc.reconstruct.labels import capture_ids, votes_of_view
@@ -48,6 +49,19 @@ def test_splats_come_to_show_the_photographs(capture):
     assert found.metrics["train_psnr_db"] > first + 4
     assert found.metrics["train_median_depth_error_m"] < 0.015
     assert label_agreement(capture, found) > 0.95
+
+
+def test_whoever_watches_sees_the_splats_grow_and_changes_nothing(capture):
+    config, seen = replace(QUICK, iterations=110, checkpoint_every=0), []
+
+    def watch(event):
+        if isinstance(event, Snapshot):
+            seen.append((event.step, event.splats[torch.arange(len(event.splats))]))
+
+    watched, alone = reconstruct(capture, config, watch), reconstruct(capture, config)
+    assert [step for step, _ in seen] == [50, 100, 110]
+    assert not seen[0][1].means.requires_grad and not same(seen[1][1], seen[2][1])
+    assert same(seen[2][1], watched.gaussians) and same(watched.gaussians, alone.gaussians)
 
 
 def test_learned_features_label_the_same_objects(capture):

@@ -13,7 +13,7 @@ from rich.progress import Progress as Bars
 from rich.table import Column
 from rich.text import Text
 
-from goc.events import Event, Listener, Progress, Warned
+from goc.events import Event, Listener, Progress, Snapshot, Warned
 
 _WINDOW = 20.0
 """Seconds that a rate is measured over."""
@@ -99,6 +99,8 @@ class _Log:
                 self._warned.add(event)
                 self._line(f"warning: {event.message}", event.stage, now)
             return
+        if isinstance(event, Snapshot):
+            return
         pace, is_new = _pace(self._paces, event, now)
         if is_new or event.done >= event.total or now - self._spoke >= _SPEAK:
             self._line(pace.describe(event, now), event.stage, now)
@@ -135,6 +137,8 @@ class _Terminal:
             if event not in self._warned:
                 self._warned.add(event)
                 self._console.print(Text(f"warning: {event.stage}: {event.message}", style="yellow"))
+            return
+        if isinstance(event, Snapshot):
             return
         now = time.monotonic()
         pace, is_new = _pace(self._paces, event, now)

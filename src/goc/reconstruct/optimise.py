@@ -4,11 +4,14 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
-from goc.events import Listener, Progress
+from goc.events import Listener, Progress, Snapshot
 from goc.reconstruct.mcmc import move
 from goc.reconstruct.state import State, load_checkpoint, save_checkpoint
 from goc.reconstruct.step import training_steps
 from goc.reconstruct.task import Task
+
+_STEPS_A_SNAPSHOT = 50
+"""A snapshot copies nothing, so listeners may have many; this is often enough for an eye."""
 
 
 def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoint: Path | None, resume: bool) -> State:
@@ -30,6 +33,8 @@ def optimise(task: Task, begin: Callable[[], State], notify: Listener, checkpoin
                 shown_psnr = psnr if math.isnan(shown_psnr) else 0.95 * shown_psnr + 0.05 * psnr
             figures = {"PSNR dB": shown_psnr, "splats": float(state.splats)}
             notify(Progress(stage="reconstruct", done=state.step, total=config.iterations, figures=figures))
+            if state.step % _STEPS_A_SNAPSHOT == 0 or state.step == config.iterations:
+                notify(Snapshot(stage="reconstruct", step=state.step, splats=state.gaussians().detached()))
             due = config.checkpoint_every and state.step % config.checkpoint_every == 0
             if checkpoint and (due or state.step == config.iterations):
                 save_checkpoint(checkpoint, state, task.fingerprint())
