@@ -96,6 +96,6 @@ def ranges(settings: type) -> dict[str, Range]:
 
 def _range_of(hint: object) -> Range | None:
     if get_origin(hint) is Annotated:
-        stated = next((one for one in hint.__metadata__ if isinstance(one, Range)), None)
+        stated = next((one for one in get_args(hint)[1:] if isinstance(one, Range)), None)
         return stated or _range_of(get_args(hint)[0])
     return next((found for part in get_args(hint) if (found := _range_of(part)) is not None), None)

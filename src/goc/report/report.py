@@ -181,11 +181,12 @@ def _capture_facts(source: Path, capture: Capture) -> CaptureFacts:
 
 def _world_facts(scene: Scene) -> WorldFacts:
     world = scene.world
+    x, y, z, last = world.level_from_world.tolist()
     return WorldFacts(
         up=tuple(world.up.tolist()),
         floor=float(world.floor),
         confidence=world.confidence,
-        level_from_world=tuple(tuple(row) for row in world.level_from_world.tolist()),
+        level_from_world=(tuple(x), tuple(y), tuple(z), tuple(last)),
     )
 
 
