@@ -9,7 +9,6 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
-from goc.geometry.native_camera import native_camera
 from goc.raster.engine import Engine
 from goc.raster.rasterize import stacked, taken_raster
 from goc.raster.views import Views, view_channels
@@ -52,7 +51,8 @@ def blend_views(gaussians: Gaussians, views: Views, planes: bool, engine: Engine
 def _fused(gaussians: Gaussians, views: Views, planes: bool) -> BlendedViews:
     splats = gaussians.means, gaussians.quats, gaussians.log_scales, gaussians.opacity_logits
     drawn: Sequence[tuple[Tensor, ...]] = [
-        _BlendView.apply(*splats, gaussians.sh, gaussians.identity, camera, planes) for camera in views.cameras
+        _BlendView.apply(*splats, gaussians.sh, gaussians.identity, camera, planes, (views.height, views.width))
+        for camera in views.native_cameras
     ]
     *images, alpha = (stacked(parts) for parts in zip(*drawn, strict=True))
     return BlendedViews(
@@ -63,14 +63,14 @@ def _fused(gaussians: Gaussians, views: Views, planes: bool) -> BlendedViews:
 class _BlendView(torch.autograd.Function):
     @staticmethod
     def forward(ctx: Any, *arguments: Any) -> tuple[Tensor, ...]:
-        *parameters, camera, planes = arguments
+        *parameters, camera, planes, size = arguments
         arrays = [None if array is None else array.detach().contiguous() for array in parameters]
         counts = [3, 4 if planes else 1] + ([] if arrays[5] is None else [arrays[5].shape[1]])
-        images = [torch.empty(count, camera.height, camera.width) for count in counts]
-        alpha = torch.empty(camera.height, camera.width)
+        images = [torch.empty(count, *size) for count in counts]
+        alpha = torch.empty(*size)
         raster = _native.Raster()
         channels = _native.Channels(arrays[5], arrays[4], planes)
-        raster.forward(_native.Splats(*arrays[:4]), channels, native_camera(camera), images, alpha)
+        raster.forward(_native.Splats(*arrays[:4]), channels, camera, images, alpha)
         if any(ctx.needs_input_grad):
             ctx.save_for_backward(*arrays, *images, alpha)
             ctx.raster, ctx.planes = raster, planes
@@ -86,4 +86,4 @@ class _BlendView(torch.autograd.Function):
         taken_raster(ctx).backward(
             _native.Splats(*arrays[:4]), channels, images, alpha, image_grads, alpha_grad, *gradients
         )
-        return *gradients, None, None
+        return *gradients, None, None, None

@@ -2,12 +2,15 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import torch
 from jaxtyping import Float
 from torch import Tensor
 
+from goc import _native
 from goc.geometry.harmonics import BAND_0, harmonics
+from goc.geometry.native_camera import native_camera
 from goc.geometry.rotations import rotated
 from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
@@ -25,6 +28,11 @@ class Views:
     cam_from_world: Float[Tensor, "v 4 4"]
     intrinsics: Float[Tensor, "v 3 3"]
     """K: pixel (0, 0) is centred at (0.5, 0.5)."""
+
+    @cached_property
+    def native_cameras(self) -> tuple[_native.Camera, ...]:
+        """Each camera as the kernels take it; made once, since a training step asks for it several times."""
+        return tuple(native_camera(camera) for camera in self.cameras)
 
     @property
     def focal_px(self) -> Float[Tensor, "v 2"]:

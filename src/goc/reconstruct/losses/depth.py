@@ -8,10 +8,8 @@ from jaxtyping import Float
 from torch import Tensor
 
 from goc import _native
-from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
-from goc.scene.camera import Camera
 
 MIN_DENOMINATOR = 0.01
 """Below, planes are seen edge-on; native/lanes/geometry.cpp and native/multiview.cpp have the same number."""
@@ -50,7 +48,7 @@ def rendered_depth(geometry: Float[Tensor, "v g h w"], alpha: Float[Tensor, "v h
     if geometry.shape[1] == 1:
         return RenderedDepth(numerator=geometry.squeeze(1), denominator=alpha, alpha=alpha)
     if kernels.natively(geometry):
-        numerator, denominator = _PlaneFraction.apply(geometry, views.cameras)
+        numerator, denominator = _PlaneFraction.apply(geometry, views.native_cameras)
     else:
         numerator, denominator = plane_fraction(geometry, views)
     return RenderedDepth(numerator=numerator, denominator=denominator, alpha=alpha)
@@ -66,11 +64,11 @@ def plane_fraction(
 
 class _PlaneFraction(torch.autograd.Function):
     @staticmethod
-    def forward(ctx: Any, planes: Tensor, cameras: tuple[Camera, ...]) -> tuple[Tensor, Tensor]:
+    def forward(ctx: Any, planes: Tensor, cameras: tuple[_native.Camera, ...]) -> tuple[Tensor, Tensor]:
         count, _, *size = planes.shape
         numerator, denominator = torch.empty(count, *size), torch.empty(count, *size)
-        ctx.cameras = [native_camera(camera) for camera in cameras]
-        for image, camera, n, d in zip(planes.detach().contiguous(), ctx.cameras, numerator, denominator, strict=True):
+        ctx.cameras = cameras
+        for image, camera, n, d in zip(planes.detach().contiguous(), cameras, numerator, denominator, strict=True):
             _native.plane_fraction(image, camera, n, d)
         return numerator, denominator
 

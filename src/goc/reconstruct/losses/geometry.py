@@ -9,11 +9,9 @@ from jaxtyping import Bool, Float, Int8
 from torch import Tensor
 
 from goc import _native
-from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
 from goc.reconstruct.losses.depth import MIN_DENOMINATOR, RenderedDepth
-from goc.scene.camera import Camera
 
 _MIN_ALPHA = 0.1
 """Below, nothing worth a depth was rendered; native/lanes/geometry.cpp has the same number."""
@@ -72,7 +70,7 @@ def geometry_loss(
     """
     weights = depth_weight, normal_weight
     if kernels.natively(depth.numerator):
-        return _Geometry.apply(depth.numerator, depth.denominator, depth.alpha, prior, views.cameras, weights)
+        return _Geometry.apply(depth.numerator, depth.denominator, depth.alpha, prior, views.native_cameras, weights)
     return geometry(depth, prior, views, weights)
 
 
@@ -122,7 +120,7 @@ class _Geometry(torch.autograd.Function):
         denominator: Tensor,
         alpha: Tensor,
         prior: GeometryPrior,
-        cameras: tuple[Camera, ...],
+        cameras: tuple[_native.Camera, ...],
         weights: tuple[float, float],
     ) -> Tensor:
         count, total = len(cameras), 0.0
@@ -133,7 +131,7 @@ class _Geometry(torch.autograd.Function):
             own = None if normals is None else normals[k]
             kinds = (None, own) if own is not None and own.dtype == torch.int8 else (own, None)
             shown, outputs = [image[k] for image in images], [gradient[k] for gradient in gradients]
-            depth, depth_normal = _kernel(*shown, *kinds, native_camera(camera), *weights, *outputs)
+            depth, depth_normal = _kernel(*shown, *kinds, camera, *weights, *outputs)
             total += weights[0] * depth + weights[1] * depth_normal
         ctx.save_for_backward(*(gradient if count == 1 else gradient / count for gradient in gradients))
         return torch.tensor(total / count, dtype=torch.float32)

@@ -8,7 +8,6 @@ from jaxtyping import Float, UInt8
 from torch import Tensor
 
 from goc import _native
-from goc.geometry.native_camera import native_camera
 from goc.raster import Views
 from goc.reconstruct import kernels
 from goc.reconstruct.losses.depth import RenderedDepth
@@ -101,14 +100,14 @@ class _Multiview(torch.autograd.Function):
         pair: tuple[Views, Tensor, Neighbour, PairWeights],
     ) -> Tensor:
         views, image, neighbour, weights = pair
-        (here,), (there,) = views.cameras, neighbour.views.cameras
+        (here,), (there,) = views.native_cameras, neighbour.views.native_cameras
         drawn = [part.detach()[0].contiguous() for part in (numerator, denominator, alpha)]
         known = inverse.detach().contiguous()
         gradients = torch.empty(2, *numerator.shape)
         pulls = torch.empty(inverse.shape) if ctx.needs_input_grad[2] else None
         photometric, geometric = _kernel(
-            _native.WarpedView(*drawn, image, native_camera(here)),
-            _native.WarpSource(neighbour.image, native_camera(there), known, neighbour.stride),
+            _native.WarpedView(*drawn, image, here),
+            _native.WarpSource(neighbour.image, there, known, neighbour.stride),
             weights.photometric,
             weights.geometric,
             weights.tolerance,
