@@ -111,9 +111,6 @@ def test_a_textured_plane_is_measured(metre):
         error = (view.depth / metre - plane_depth(truth)).abs() / plane_depth(truth)
         trusted.append(torch.isfinite(error).float().mean())
         errors.append(error[torch.isfinite(error)])
-        normals = view.normals[torch.isfinite(view.normals).all(-1)] @ truth.world_from_cam[:3, :3].T
-        assert (normals @ torch.from_numpy(NORMAL).float()).median() > 0.99
-        assert ((view.confidence > 0) == torch.isfinite(view.depth)).all()
     assert torch.cat(errors).median() < 0.005
     assert (torch.cat(errors) < 0.02).float().mean() > 0.97
     assert np.mean(trusted) > 0.7
@@ -128,7 +125,6 @@ def test_one_thread_gives_the_same_bits_as_three():
     _native.set_thread_count(threads)
     for one, three in zip(found[0].values(), found[1].values(), strict=True):
         assert torch.equal(one.depth.nan_to_num(-1), three.depth.nan_to_num(-1))
-        assert torch.equal(one.confidence, three.confidence)
 
 
 def test_photographs_without_texture_are_not_trusted():

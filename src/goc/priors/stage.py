@@ -35,14 +35,9 @@ def add_priors(
         return capture
     points = 0 if capture.points is None else len(capture.points.positions)
     with one_torch_thread():
-        stereo = _stereo(capture, chosen, config, notify) if points < config.fewest_points else None
+        stereo = stereo_depths(capture, chosen, config.stereo, notify) if points < config.fewest_points else None
         alignment = _alignment(capture, chosen, stereo or {}, config, notify) if capture.has_depth else None
     return replace(capture, priors=CapturePriors(stereo=stereo, alignment=alignment))
-
-
-def _stereo(capture: Capture, views: list[int], config: PriorsConfig, notify: Listener) -> dict[int, CoarseDepth]:
-    found = stereo_depths(capture, views, config.stereo, notify)
-    return {view: CoarseDepth(camera=seen.camera, depth=seen.depth) for view, seen in found.items()}
 
 
 def _alignment(

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import torch
-from jaxtyping import Bool, Float, Float32, Int32, UInt8
-from torch import Tensor
+from jaxtyping import Bool, Float32, Int32, UInt8
 
 from goc import _native
 from goc.events import Listener, Progress, ignore
@@ -15,6 +14,7 @@ from goc.geometry.parallax import parallax_views
 from goc.priors.config import StereoConfig
 from goc.scene.camera import Camera
 from goc.scene.capture import Capture
+from goc.scene.priors import CoarseDepth
 
 _TYPICAL_DISTANCE_M = 2.0
 _CHUNK = 16
@@ -33,24 +33,6 @@ _WORST_COST = 0.8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class StereoView:
-    """What one view's photograph and its neighbours' say of its surface, on a coarse raster."""
-
-    camera: Camera
-    """The view's camera, resized to the raster."""
-    depth: Float[Tensor, "h w"]
-    """z along the optical axis, scene units; NaN where too few other views confirm it."""
-    normals: Float[Tensor, "h w 3"]
-    """Unit, camera axes, towards the camera (z < 0); NaN where depth is."""
-    confidence: Float[Tensor, "h w"]
-    """0 (not trusted) to 1: how well the photographs match and how many views agree."""
-
-
-StereoDepths = dict[int, StereoView]
-"""By view index of the capture: `stereo_depths(capture, views, config, notify)[view].depth`."""
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class _Scale:
     """The photographs at one size, stacked on one raster."""
 
@@ -62,7 +44,9 @@ class _Scale:
         return np.zeros((*self.shape, *channels), np.float32)
 
 
-def stereo_depths(capture: Capture, views: list[int], config: StereoConfig, notify: Listener = ignore) -> StereoDepths:
+def stereo_depths(
+    capture: Capture, views: list[int], config: StereoConfig, notify: Listener = ignore
+) -> dict[int, CoarseDepth]:
     """Match each view with its neighbours, and keep what at least `config.agreeing` other views confirm.
 
     The same bits for any number of threads.
@@ -74,7 +58,8 @@ def stereo_depths(capture: Capture, views: list[int], config: StereoConfig, noti
         notify: hears Progress.
 
     Returns:
-        Depth of each view asked for, or of `config.max_views` of them spread evenly.
+        Depth of each view asked for, by its index, or of `config.max_views` of them spread evenly; NaN where too few
+        other views confirm it.
     """
     if len(views) > config.max_views:
         views = [views[i * len(views) // config.max_views] for i in range(config.max_views)]
@@ -89,9 +74,8 @@ def stereo_depths(capture: Capture, views: list[int], config: StereoConfig, noti
     costs = _refine(full, around, planes, (near - far) / (config.planes - 1), config, notify)
     agreed, agreeing, against = _agree(full, wide, planes)
     trusted = (agreeing >= config.agreeing) & (agreeing > against) & (costs <= _WORST_COST)
-    confidence = np.where(trusted, (1.0 - costs) * np.minimum(1.0, agreeing / 4.0), 0.0).astype(np.float32)
     return {
-        view: _view(camera, agreed[place], trusted[place], confidence[place])
+        view: _view(camera, agreed[place], trusted[place])
         for place, (view, camera) in enumerate(zip(views, full.cameras, strict=True))
     }
 
@@ -217,18 +201,8 @@ def _agree(
     return agreed, agreeing, against
 
 
-def _view(
-    camera: Camera,
-    inverse: Float32[np.ndarray, "h w"],
-    trusted: Bool[np.ndarray, "h w"],
-    confidence: Float32[np.ndarray, "h w"],
-) -> StereoView:
+def _view(camera: Camera, inverse: Float32[np.ndarray, "h w"], trusted: Bool[np.ndarray, "h w"]) -> CoarseDepth:
     """One view out of the stack."""
     part = np.s_[: camera.height, : camera.width]
     depth = torch.where(torch.from_numpy(trusted[part]), torch.from_numpy(1.0 / inverse[part]), torch.nan)
-    return StereoView(
-        camera=camera,
-        depth=depth,
-        normals=fitted_normals(depth, camera, 2),
-        confidence=torch.from_numpy(confidence[part].copy()),
-    )
+    return CoarseDepth(camera=camera, depth=depth)
