@@ -14,7 +14,7 @@ from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_view
 from goc.files.layout import OVERVIEW, REPORT
 from goc.priors import PriorsConfig, SegmentConfig, add_priors, segment
 from goc.raster import choose_engine
-from goc.reconstruct import LearningRates, LossWeights, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
+from goc.reconstruct import LearningRates, Losses, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
 from goc.report import write_overview, write_report
 from goc.runs import RunRecord, claim_output
 from goc.scene import Capture, Reconstruction, Scene
@@ -52,9 +52,7 @@ PRESETS = {
             iterations=30_000,
             sh_degree=3,
             labels="learned",
-            losses=LossWeights(
-                depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1, identity_every=2
-            ),
+            losses=Losses(depth=0.3, depth_normal=0.1, photometric=0.3, geometric=0.3, identity=0.1, identity_every=2),
             rates=LearningRates(means=1.6e-4, opacity_logits=5e-2, sh_constant=2.5e-3, sh_rest=1.25e-4),
             mcmc=Mcmc(growth=0.05),
         )

@@ -80,7 +80,7 @@ def test_every_numeric_setting_states_its_range_and_stands_once(command):
     assert all(issubclass(group, Settings) for group, _, _ in found)
     assert not [f"{group.__name__}.{name}" for group, name, _ in found if name not in ranges(group)]
     assert len({(group, name) for group, name, _ in found}) == len(found)
-    assert all(len(fields(group)) <= 12 or group.__name__ == "ReconstructConfig" for group in groups(kind))
+    assert all(len(fields(group)) <= 12 for group in groups(kind))
 
 
 @pytest.mark.parametrize(("command", "flag", "group", "name", "number"), CASES, ids=[" ".join(c[:2]) for c in CASES])

@@ -8,7 +8,7 @@ import torch
 from goc.events import ignore
 from goc.geometry.monocular import ROW, aligned_frame
 from goc.priors.monocular import align_views
-from goc.reconstruct import Mcmc, Monocular, ReconstructConfig, reconstruct
+from goc.reconstruct import Losses, Mcmc, Monocular, ReconstructConfig, reconstruct
 from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.losses import RenderedDepth
 from goc.reconstruct.monocular import refresh
@@ -116,7 +116,7 @@ def test_without_any_anchor_it_starts_from_the_points(affine):
 
 @pytest.mark.parametrize("every", [0, 1])
 def test_a_stopped_run_resumes_bit_equal(affine, tmp_path, every):
-    config = replace(QUICK, iterations=40, checkpoint_every=20, monocular=Monocular(refresh_every=every))
+    config = replace(QUICK, iterations=40, checkpoint_every=20, losses=Losses(monocular=Monocular(refresh_every=every)))
     whole = reconstruct(aligned(affine), config)
 
     class Stopped(Exception):

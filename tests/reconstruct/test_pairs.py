@@ -10,7 +10,7 @@ from goc.capture import CaptureConfig, load_capture
 from goc.device import CPU
 from goc.errors import ConfigError
 from goc.raster import NATIVE, views_of
-from goc.reconstruct import LossWeights, Mcmc, Multiview, ReconstructConfig, pair_loss, reconstruct
+from goc.reconstruct import Losses, Mcmc, Multiview, ReconstructConfig, pair_loss, reconstruct
 from goc.reconstruct.depth import draw_depth
 from goc.reconstruct.losses import inverse_depth
 from goc.reconstruct.losses.warp import warped
@@ -22,11 +22,16 @@ from goc.reconstruct.task import Task
 from goc.scene import Capture, Gaussians
 
 WIDE = Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.4)
-BOTH = LossWeights(photometric=0.3, geometric=0.3)
-QUICK = ReconstructConfig(
-    iterations=30, checkpoint_every=20, mcmc=Mcmc(max_splats=1000, every=10), losses=BOTH, multiview=WIDE
-)
-RENDERED = replace(QUICK, multiview=replace(WIDE, neighbour_depth="rendered"))
+BOTH = Losses(photometric=0.3, geometric=0.3, multiview=WIDE)
+QUICK = ReconstructConfig(iterations=30, checkpoint_every=20, mcmc=Mcmc(max_splats=1000, every=10), losses=BOTH)
+
+
+def with_multiview(config: ReconstructConfig, **changed: object) -> ReconstructConfig:
+    """The settings with other ones of comparing neighbours."""
+    return replace(config, losses=replace(config.losses, multiview=replace(config.losses.multiview, **changed)))
+
+
+RENDERED = with_multiview(QUICK, neighbour_depth="rendered")
 
 
 class Stopped(Exception):
@@ -76,7 +81,7 @@ def test_a_stopped_run_resumes_bit_equal(capture, tmp_path, config):
 
 def test_every_loss_is_switched_off_by_its_weight(capture):
     found = {
-        name: reconstruct(capture, replace(QUICK, checkpoint_every=0, losses=LossWeights(**weights))).gaussians
+        name: reconstruct(capture, replace(QUICK, checkpoint_every=0, losses=replace(BOTH, **weights))).gaussians
         for name, weights in {
             "none": {"photometric": 0.0, "geometric": 0.0},
             "photometric": {"photometric": 0.3, "geometric": 0.0},
@@ -89,15 +94,15 @@ def test_every_loss_is_switched_off_by_its_weight(capture):
 
 
 def test_nothing_is_done_before_the_start(capture):
-    late = replace(QUICK, multiview=replace(WIDE, start=1.0))
-    off = replace(late, losses=LossWeights(photometric=0.0, geometric=0.0))
+    late = with_multiview(QUICK, start=1.0)
+    off = replace(late, losses=replace(late.losses, photometric=0.0, geometric=0.0))
     a, b = optimised(capture, late), optimised(capture, off)
     assert same(a.gaussians(), b.gaussians())
     assert b.views == {}
 
 
 def test_depths_are_remembered_an_epoch_before_the_start(capture):
-    state = optimised(capture, replace(QUICK, iterations=12, multiview=replace(WIDE, start=1.0)))
+    state = optimised(capture, replace(with_multiview(QUICK, start=1.0), iterations=12))
     # steps 4 to 11 are one epoch and its neighbours: views that were drawn then, some of them twice
     assert 4 <= len(state.views) <= 8
     assert all(depth.dtype == torch.float16 and depth.shape == (48, 64) for depth in state.views.values())
@@ -110,7 +115,7 @@ def test_depths_are_remembered_an_epoch_before_the_start(capture):
 def test_an_epoch_before_the_start_is_fewer_steps_of_more_views(capture):
     """Four views a step: all eight are drawn in steps 10 and 11, the last two before the start."""
     steps = []
-    late = replace(QUICK, iterations=12, views_a_step=4, checkpoint_every=0, multiview=replace(WIDE, start=1.0))
+    late = replace(with_multiview(QUICK, start=1.0), iterations=12, views_a_step=4, checkpoint_every=0)
     with pytest.MonkeyPatch.context() as patch:
         remember = pair_loss._remember
         patch.setattr(pair_loss, "_remember", lambda *given: steps.append(given[2].step) or remember(*given))
@@ -126,8 +131,8 @@ def test_views_come_to_agree_and_photographs_find_the_surface(capture):
         return replace(capture[index], depth=capture[index].depth * (1 + 0.02 * noise))
 
     def after(photometric: float, geometric: float) -> State:
-        losses = LossWeights(photometric=photometric, geometric=geometric)
-        config = replace(QUICK, iterations=160, losses=losses, multiview=replace(WIDE, start=0.2))
+        losses = Losses(photometric=photometric, geometric=geometric, multiview=replace(WIDE, start=0.2))
+        config = replace(QUICK, iterations=160, losses=losses)
         return optimised(replace(capture, frames=rough), config)
 
     plain = after(0.0, 0.0)
@@ -164,7 +169,7 @@ def test_held_out_views_are_nobodys_neighbour(capture):
     assert set(pairs.neighbours) == {0, 1, 3, 4, 6, 7}
     assert {other for others in pairs.neighbours.values() for other in others} <= {0, 1, 3, 4, 6, 7}
     assert any(pairs.neighbours.values())
-    assert view_pairs(capture, [0, 1], replace(QUICK, losses=LossWeights(photometric=0.0, geometric=0.0))) is None
+    assert view_pairs(capture, [0, 1], replace(QUICK, losses=Losses(photometric=0.0, geometric=0.0))) is None
 
 
 def test_thresholds_are_metres(capture):
@@ -191,10 +196,11 @@ def test_memory_of_depths_is_bounded(capture):
 
 def test_views_that_are_alone_are_told(capture):
     heard = []
-    lonely = replace(QUICK, iterations=3, checkpoint_every=0, multiview=Multiview(max_baseline=0.051))
+    near = Losses(photometric=0.3, geometric=0.3, multiview=Multiview(max_baseline=0.051))
+    lonely = replace(QUICK, iterations=3, checkpoint_every=0, losses=near)
     found = reconstruct(capture, lonely, heard.append)
     assert any("none of 8 views has a neighbour" in getattr(event, "message", "") for event in heard)
-    off = replace(lonely, losses=LossWeights(photometric=0.0, geometric=0.0))
+    off = replace(lonely, losses=replace(near, photometric=0.0, geometric=0.0))
     assert same(found.gaussians, reconstruct(capture, off).gaussians)
 
 

@@ -13,7 +13,7 @@ from goc.capture import CaptureConfig, load_capture
 from goc.errors import ConfigError, ReconstructError
 from goc.events import Snapshot
 from goc.raster import render_labels
-from goc.reconstruct import LossWeights, Mcmc, ReconstructConfig, geometry_prior, reconstruct, split_views, vote_labels
+from goc.reconstruct import Losses, Mcmc, ReconstructConfig, geometry_prior, reconstruct, split_views, vote_labels
 from goc.reconstruct.labels import capture_ids, votes_of_view
 from goc.reconstruct.losses.identity import classes_of
 from goc.reconstruct.seed import splat_budget
@@ -126,10 +126,10 @@ def test_seeds_without_depth_come_from_points_then_from_the_box(tmp_path):
 def test_every_loss_is_switched_off_by_its_weight(capture):
     config = replace(QUICK, iterations=5, checkpoint_every=0)
     plain = reconstruct(capture, config).gaussians
-    for weights in (LossWeights(depth=0.0), LossWeights(depth_normal=0.0), LossWeights(depth=0.0, depth_normal=0.0)):
+    for weights in (Losses(depth=0.0), Losses(depth_normal=0.0), Losses(depth=0.0, depth_normal=0.0)):
         assert not same(plain, reconstruct(capture, replace(config, losses=weights)).gaussians)
     learned = replace(config, labels="learned")
-    without = replace(learned, losses=LossWeights(identity=0.0))
+    without = replace(learned, losses=Losses(identity=0.0))
     assert not same(reconstruct(capture, learned).gaussians, reconstruct(capture, without).gaussians)
 
 
@@ -213,14 +213,14 @@ def test_identity_loss_keeps_to_its_pixels_wherever_the_grid_starts(size, stride
 
 
 def test_features_change_only_in_the_steps_that_have_their_loss(capture):
-    config = replace(QUICK, checkpoint_every=0, labels="learned", losses=LossWeights(identity_every=3))
+    config = replace(QUICK, checkpoint_every=0, labels="learned", losses=Losses(identity_every=3))
     features = [reconstruct(capture, replace(config, iterations=n)).gaussians.identity for n in (1, 3, 4)]
     assert torch.equal(features[0], features[1])
     assert not torch.equal(features[1], features[2])
     rare = reconstruct(capture, replace(config, iterations=150))
     assert label_agreement(capture, rare) > 0.9
-    with pytest.raises(ConfigError, match="LossWeights.identity_every is 0: needs 1 or more"):
-        LossWeights(identity_every=0)
+    with pytest.raises(ConfigError, match="Losses.identity_every is 0: needs 1 or more"):
+        Losses(identity_every=0)
 
 
 def test_normals_that_came_first_stay(monkeypatch):

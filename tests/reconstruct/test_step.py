@@ -20,7 +20,7 @@ from goc.events import ignore
 from goc.geometry.monocular import EPOCH
 from goc.priors.monocular import align_views
 from goc.raster import NATIVE
-from goc.reconstruct import LossWeights, Mcmc, Monocular, Multiview, ReconstructConfig, geometry_prior
+from goc.reconstruct import Losses, Mcmc, Monocular, Multiview, ReconstructConfig, geometry_prior
 from goc.reconstruct import reconstruct as reconstruct_with
 from goc.reconstruct.adam import adam
 from goc.reconstruct.losses.penalties import add_penalties
@@ -38,14 +38,20 @@ BASE = ReconstructConfig(
     iterations=16,
     checkpoint_every=0,
     mcmc=STILL,
-    losses=LossWeights(photometric=0.3, geometric=0.1),
-    multiview=Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.5),
+    losses=Losses(photometric=0.3, geometric=0.1, multiview=Multiview(max_angle_deg=60.0, max_baseline=3.0, start=0.5)),
 )
+
+
+def with_multiview(config: ReconstructConfig, **changed: object) -> ReconstructConfig:
+    """The settings with other ones of comparing neighbours."""
+    return replace(config, losses=replace(config.losses, multiview=replace(config.losses.multiview, **changed)))
+
+
 VARIANTS = {
     "planes": BASE,
     "expected": replace(BASE, depth="expected", sh_degree=3),
-    "rendered": replace(BASE, multiview=replace(BASE.multiview, neighbour_depth="rendered")),
-    "depth alone": replace(BASE, losses=LossWeights(depth_normal=0.0, photometric=0.0)),
+    "rendered": with_multiview(BASE, neighbour_depth="rendered"),
+    "depth alone": replace(BASE, losses=Losses(depth_normal=0.0, photometric=0.0)),
 }
 
 
@@ -200,8 +206,8 @@ def test_steps_between_looks_never_wait_for_the_device(capture, monkeypatch):
             return step(self, state)
 
     monkeypatch.setattr(TrainingStep, "__call__", guarded)
-    early = replace(BASE.multiview, start=0.3)  # every view is remembered when the first of these steps comes
-    config = replace(BASE, iterations=40, mcmc=replace(STILL, every=1000), multiview=early)
+    early = with_multiview(BASE, start=0.3)  # every view is remembered when the first of these steps comes
+    config = replace(early, iterations=40, mcmc=replace(STILL, every=1000))
     reconstruct(capture, config, engine=replace(ON_DEVICE, blend=haze))
     assert len(calls) == 23
 
@@ -260,7 +266,8 @@ def test_monocular_depth_is_fitted_to_what_the_splats_show(capture):
 
 def test_epochs_are_counted_in_views_not_in_steps(capture, monkeypatch):
     """Eight views, four a step: an epoch is two steps, in which every view's alignment is fitted again."""
-    config = replace(BASE, views_a_step=4, iterations=12, monocular=Monocular(refresh_every=1))
+    losses = replace(BASE.losses, monocular=Monocular(refresh_every=1))
+    config = replace(BASE, views_a_step=4, iterations=12, losses=losses)
     refresh, runs = geometry_prior.refresh, {}
 
     def watched(row, frame, kind, shown, epoch, monocular):

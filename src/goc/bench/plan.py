@@ -201,7 +201,8 @@ def _ablations(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) -
         fast = common if input == "exact" else (*common, *_OPEN)
         rows.append(_row("preset fast", some, views, fast, input=input))
         if input == "monocular":
-            second = (*common, *_OPEN, *_losses(SIX_LOSSES), "--reconstruct.multiview.neighbour-depth", "rendered")
+            rendered = ("--reconstruct.losses.multiview.neighbour-depth", "rendered")
+            second = (*common, *_OPEN, *_losses(SIX_LOSSES), *rendered)
             rows.append(_row("all six, neighbours rendered, not cached", some, views, second, input=input))
         tables.append(
             Table(

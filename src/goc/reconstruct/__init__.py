@@ -2,7 +2,7 @@
 
 from goc.reconstruct.config import (
     LearningRates,
-    LossWeights,
+    Losses,
     Mcmc,
     Monocular,
     Multiview,
@@ -14,7 +14,7 @@ from goc.reconstruct.reconstruct import reconstruct, split_views
 
 __all__ = [
     "LearningRates",
-    "LossWeights",
+    "Losses",
     "Mcmc",
     "Monocular",
     "Multiview",

@@ -8,8 +8,49 @@ from goc.settings import Amount, Count, CountOrNone, OpenShare, Positive, Range,
 
 
 @dataclass(frozen=True)
-class LossWeights(Settings):
-    """Weights of Eq. (6); 0 switches a loss off."""
+class Multiview(Settings):
+    """Which views L_pho and L_geo compare, and when."""
+
+    start: Share = 0.2
+    """First comparison, as a share of all steps: depths have to mean something."""
+    neighbours: Count = 4
+    """Most neighbours of a view; each step draws one of them. The weights of the losses switch the comparison off."""
+    max_angle_deg: Annotated[float, Range(above=0, most=180)] = 35.0
+    """Largest angle between the viewing directions of neighbours."""
+    min_baseline: Amount = 0.05
+    """Least distance between the cameras of neighbours, metres."""
+    max_baseline: Positive = 1.5
+    """Largest distance between the cameras of neighbours, metres."""
+    tolerance: Annotated[float, Range(above=0, most=1)] = 0.05
+    """Depths within this share of each other show one surface: what lies further behind is hidden."""
+    neighbour_depth: Literal["cached", "rendered"] = "cached"
+    """cached: the neighbour's depth as it was when that view was drawn last. rendered: draw it again, and let L_geo
+    move both, at the price of a second view a step."""
+
+    def __post_init__(self) -> None:
+        """Refuse a range of distances that is empty."""
+        super().__post_init__()
+        if self.min_baseline >= self.max_baseline:
+            text = (
+                f"{{min_baseline}} is {self.min_baseline:g}: needs less than {{max_baseline}} ({self.max_baseline:g})."
+            )
+            raise ConfigError(text, type(self))
+
+
+@dataclass(frozen=True)
+class Monocular(Settings):
+    """How depth of unknown scale and offset is aligned again while splats improve (depth kind affine or inverse)."""
+
+    refresh_every: CountOrNone = 0
+    """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
+    that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
+    smoothing: Share = 0.5
+    """Share of the old scale and offset that a new fit leaves."""
+
+
+@dataclass(frozen=True)
+class Losses(Settings):
+    """Weights of the losses in Eq. (6), where 0 switches one off, and what they compare with."""
 
     ssim: Share = 0.2
     """Share of 1 - SSIM in the photometric loss L_c; the rest is L1."""
@@ -25,6 +66,10 @@ class LossWeights(Settings):
     """L_o: cross-entropy of learned instance features; only with labels = learned."""
     identity_every: Count = 1
     """Steps from one that renders features and has L_o to the next; there L_o weighs that many times as much."""
+    multiview: Multiview = field(default_factory=Multiview)
+    """Comparison of neighbouring views."""
+    monocular: Monocular = field(default_factory=Monocular)
+    """Aligning monocular depth again."""
 
 
 @dataclass(frozen=True)
@@ -75,36 +120,6 @@ class Mcmc(Settings):
 
 
 @dataclass(frozen=True)
-class Multiview(Settings):
-    """Which views L_pho and L_geo compare, and when."""
-
-    start: Share = 0.2
-    """First comparison, as a share of all steps: depths have to mean something."""
-    neighbours: Count = 4
-    """Most neighbours of a view; each step draws one of them. The weights of the losses switch the comparison off."""
-    max_angle_deg: Annotated[float, Range(above=0, most=180)] = 35.0
-    """Largest angle between the viewing directions of neighbours."""
-    min_baseline: Amount = 0.05
-    """Least distance between the cameras of neighbours, metres."""
-    max_baseline: Positive = 1.5
-    """Largest distance between the cameras of neighbours, metres."""
-    tolerance: Annotated[float, Range(above=0, most=1)] = 0.05
-    """Depths within this share of each other show one surface: what lies further behind is hidden."""
-    neighbour_depth: Literal["cached", "rendered"] = "cached"
-    """cached: the neighbour's depth as it was when that view was drawn last. rendered: draw it again, and let L_geo
-    move both, at the price of a second view a step."""
-
-    def __post_init__(self) -> None:
-        """Refuse a range of distances that is empty."""
-        super().__post_init__()
-        if self.min_baseline >= self.max_baseline:
-            text = (
-                f"{{min_baseline}} is {self.min_baseline:g}: needs less than {{max_baseline}} ({self.max_baseline:g})."
-            )
-            raise ConfigError(text, type(self))
-
-
-@dataclass(frozen=True)
 class SeedConfig(Settings):
     """Where the first splats come from."""
 
@@ -118,17 +133,6 @@ class SeedConfig(Settings):
     """Share of stereo's seeds that lie where no view is sure, on depth interpolated inside each view."""
     fill_opacity: OpenShare = 0.1
     """Opacity of those."""
-
-
-@dataclass(frozen=True)
-class Monocular(Settings):
-    """How depth of unknown scale and offset is aligned again while splats improve (depth kind affine or inverse)."""
-
-    refresh_every: CountOrNone = 0
-    """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
-    that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
-    smoothing: Share = 0.5
-    """Share of the old scale and offset that a new fit leaves."""
 
 
 @dataclass(frozen=True)
@@ -154,14 +158,10 @@ class ReconstructConfig(Settings):
     """Random seed: the same seed gives the same bits on a CPU, for any number of threads."""
     seeding: SeedConfig = field(default_factory=SeedConfig)
     """First splats."""
-    monocular: Monocular = field(default_factory=Monocular)
-    """Aligning monocular depth again."""
-    losses: LossWeights = field(default_factory=LossWeights)
-    """Weights of the losses."""
+    losses: Losses = field(default_factory=Losses)
+    """Weights of the losses, and what they compare with."""
     rates: LearningRates = field(default_factory=LearningRates)
     """Step sizes."""
-    multiview: Multiview = field(default_factory=Multiview)
-    """Comparison of neighbouring views."""
     mcmc: Mcmc = field(default_factory=Mcmc)
     """Relocation, growth and noise."""
 

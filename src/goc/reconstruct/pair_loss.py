@@ -31,7 +31,7 @@ def pair_loss(
     if other is None:
         return None
     neighbour = _neighbour(task, task.pairs, state, provider.get(other, state.views))
-    losses, tolerance = task.config.losses, task.config.multiview.tolerance
+    losses, tolerance = task.config.losses, task.config.losses.multiview.tolerance
     weights = PairWeights(photometric=losses.photometric, geometric=losses.geometric, tolerance=tolerance)
     return multiview_loss(depth, item.views, item.image, neighbour, weights)
 
@@ -42,7 +42,7 @@ def neighbour_of_step(task: Task, pairs: Pairs, state: State, view: int, depth: 
     With `cached` depths the view's own is remembered in `state.views` for those it is a neighbour of. They start an
     epoch early, so that every neighbour has one when the comparison does; a view without one is left out.
     """
-    config = task.config.multiview
+    config = task.config.losses.multiview
     cached = config.neighbour_depth == "cached"
     start = round(config.start * task.config.iterations)
     others = pairs.neighbours[view]
@@ -56,7 +56,7 @@ def neighbour_of_step(task: Task, pairs: Pairs, state: State, view: int, depth: 
 
 
 def _neighbour(task: Task, pairs: Pairs, state: State, item: TrainingView) -> Neighbour:
-    if task.config.multiview.neighbour_depth == "rendered":
+    if task.config.losses.multiview.neighbour_depth == "rendered":
         inverse, stride = inverse_depth(draw_depth(state.gaussians(), item.views, task.config.depth, task.engine)), 1
         inverse = inverse.squeeze(0)
     else:

@@ -28,7 +28,7 @@ def view_pairs(capture: Capture, views: list[int], config: ReconstructConfig) ->
     """Neighbours of the training views among themselves; None where no weight asks for them."""
     if not (config.losses.photometric or config.losses.geometric):
         return None
-    chosen, units_per_metre = config.multiview, capture.units_per_metre
+    chosen, units_per_metre = config.losses.multiview, capture.units_per_metre
     limits = PairLimits(
         max_angle_deg=chosen.max_angle_deg,
         min_baseline=chosen.min_baseline * units_per_metre,

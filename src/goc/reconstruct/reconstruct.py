@@ -67,7 +67,7 @@ def _task(capture: Capture, config: ReconstructConfig, notify: Listener, engine:
         extent=_extent(capture),
         budget=splat_budget(capture, config),
         pairs=_pairs(capture, train, config, notify),
-        prior=geometry_priors(capture, config.losses.depth_normal > 0, config.monocular),
+        prior=geometry_priors(capture, config.losses.depth_normal > 0, config.losses.monocular),
         config=config,
         engine=engine,
     )
@@ -97,7 +97,8 @@ def _reconstruct(task: Task, notify: Listener, checkpoint: Path | None, resume: 
 def _pairs(capture: Capture, train: list[int], config: ReconstructConfig, notify: Listener) -> Pairs | None:
     pairs = view_pairs(capture, train, config)
     if pairs is not None and not any(pairs.neighbours.values()):
-        message = f"none of {len(train)} views has a neighbour to be compared with: raise --reconstruct.multiview.max-*"
+        flags = "--reconstruct.losses.multiview.max-*"
+        message = f"none of {len(train)} views has a neighbour to be compared with: raise {flags}"
         notify(Warned(stage="reconstruct", message=message))
         return None
     return pairs

@@ -150,7 +150,7 @@ class UploadedViews:
         if ALIGNMENT not in remembered:
             return False
         fitted = torch.isfinite(remembered[ALIGNMENT][view, SCALE]).item()
-        return not fitted or self._task.config.monocular.refresh_every > 0
+        return not fitted or self._task.config.losses.monocular.refresh_every > 0
 
     def _copied(self, tensor: Tensor) -> Tensor:
         """On the device, from pinned memory on a stream of its own."""
