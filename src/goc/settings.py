@@ -1,4 +1,4 @@
-"""What all settings have in common: each states its range in its type, and checks it when it is made."""
+"""Base class and ranges of settings: each field states its range in its type, and is checked when an object is made."""
 
 from dataclasses import dataclass, fields
 from functools import cache
@@ -7,14 +7,14 @@ from typing import Annotated, get_args, get_origin, get_type_hints
 from goc.errors import ConfigError
 
 _LARGEST = 2**31 - 1
-"""No number of any setting is larger: float32 and the kernels' integers hold all up to here."""
+"""Largest absolute value of any setting, which float32 and the integers of the kernels can hold."""
 
 Number = int | float
 
 
 @dataclass(frozen=True, kw_only=True)
 class Range:
-    """Numbers that a setting may have; NaN and infinity are in no range."""
+    """Values that a setting may have; NaN and infinity are in no range."""
 
     least: Number | None = None
     above: Number | None = None
@@ -32,7 +32,7 @@ class Range:
         )
 
     def __str__(self) -> str:
-        """The range in words, such as `0 to 1` or `more than 0`."""
+        """The range in words, for example `0 to 1` or `more than 0`."""
         if self.least is not None and self.most is not None:
             return f"{self.least} to {self.most}"
         low = f"{self.least} or more" if self.least is not None else f"more than {self.above}"
@@ -43,23 +43,23 @@ class Range:
         return low if self.below is None else f"{low}, below {self.below}"
 
     def demand(self, value: Number) -> str:
-        """What a value outside is told."""
+        """The range in words for the message about a value outside."""
         is_huge = value > _LARGEST and self.most is None and self.below is None
         return f"{self}, at most {_LARGEST}" if is_huge else str(self)
 
 
 Seed = Annotated[int, Range(least=0)]
-"""Of random numbers."""
+"""A seed of random numbers."""
 Count = Annotated[int, Range(least=1)]
-"""How many: one or more."""
+"""A number of things, one or more."""
 CountOrNone = Annotated[int, Range(least=0)]
-"""How many; 0 stands for none or never."""
+"""A number of things; 0 means none or never."""
 Share = Annotated[float, Range(least=0, most=1)]
-"""Part of a whole."""
+"""A share of a whole, 0 to 1."""
 OpenShare = Annotated[float, Range(above=0, below=1)]
-"""Part of a whole, neither none nor all of it: thresholds and opacities, which have a finite logit."""
+"""A share of a whole between 0 and 1, without both: thresholds and opacities, which need a finite logit."""
 Amount = Annotated[float, Range(least=0)]
-"""A weight, rate or length; 0 switches something off."""
+"""A weight, rate or length, 0 or more."""
 Positive = Annotated[float, Range(above=0)]
 """A length, factor or duration that must not vanish."""
 Finite = Annotated[float, Range()]
@@ -88,7 +88,7 @@ class Settings:
 
 @cache
 def ranges(settings: type) -> dict[str, Range]:
-    """The range of each field of a dataclass whose type states one, also inside of `X | None` and of tuples."""
+    """Ranges by field of a dataclass, for fields whose type states one, also inside `X | None` and tuples."""
     hints = get_type_hints(settings, include_extras=True)
     found = {item.name: _range_of(hints[item.name]) for item in fields(settings)}
     return {name: bounds for name, bounds in found.items() if bounds is not None}

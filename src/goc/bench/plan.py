@@ -1,4 +1,4 @@
-"""What is run, and which table shows it."""
+"""The runs of each suite, and the tables that show them."""
 
 import hashlib
 import re
@@ -12,37 +12,37 @@ from goc.errors import CaptureError
 Views = Literal["full", "sparse"]
 TRANSFORMS: dict[Views, str] = {"full": "transforms.json", "sparse": "transforms_sparse.json"}
 Input = Literal["exact", "kinect", "affine", "monocular", "photographs", "masks"]
-"""exact: depth and ids as rendered. kinect: noisy depth. affine: depth without scale and offset, blurred and noisy.
-monocular: slow errors of 3 % on top, as networks make them. photographs: no depth. masks: a tenth of each view's masks
-spoiled."""
+"""exact: depth and ids as rendered. kinect: noisy depth. affine: depth of unknown scale and offset, blurred and noisy.
+monocular: as affine, with slow errors of 3 % as networks make them. photographs: no depth. masks: a tenth of each
+view's masks is spoiled."""
 Kind = Literal["geometry", "completion", "labels"]
 Method = Literal["carve", "fuse", "fuse-hull", "fuse-lite"]
-"""carve: `goc carve`. fuse: given depth and ids fused and meshed, without splats: what perfect rendering gives.
-fuse-hull, fuse-lite: the same, and its objects closed by the evidence hull, or by the network that goc ships."""
+"""carve: `goc carve`. fuse: given depth and ids are fused and meshed without splats, as if rendering were perfect.
+fuse-hull, fuse-lite: as fuse, then objects are closed by the evidence hull or by the network that goc ships."""
 
 SIX_LOSSES = {"depth": 0.3, "depth_normal": 0.1, "photometric": 0.3, "geometric": 0.3}
 """The paper's weights (§4.4)."""
 _OPEN = ("--complete.method", "none")
-"""Tables that ask nothing of completion do without its time."""
+"""Words for tables that do not show completed meshes, to save the time of completion."""
 MADE = "synth"
-"""First letters of the names of rooms that `goc synth` made."""
+"""Prefix of the names of rooms that `goc synth` made."""
 _TITLES = {"depth": "L_d", "depth_normal": "L_dn", "photometric": "L_pho", "geometric": "L_geo"}
 
 
 @dataclass(frozen=True, kw_only=True)
 class Run:
-    """One capture, carved once."""
+    """One run: a capture, its input and how it is carved."""
 
     room: str
     views: Views
     input: Input = "exact"
     method: Method = "carve"
     words: tuple[str, ...] = ()
-    """Of the command line, after the folders."""
+    """Words of the command line after the folders."""
 
     @property
     def name(self) -> str:
-        """Its folder: readable, and different for different settings."""
+        """Name of its folder: readable, and different for different settings."""
         parts = [self.room, self.views, self.input, self.method]
         if self.words:
             parts.append(hashlib.sha256("\0".join(self.words).encode()).hexdigest()[:8])
@@ -51,7 +51,7 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class TableRow:
-    """A line of a table: the mean over its runs."""
+    """A row of a table, which shows the mean over its runs."""
 
     label: str
     runs: tuple[Run, ...]
@@ -61,7 +61,7 @@ class TableRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Rows to be compared with each other, and with the paper's."""
+    """A table whose rows are compared with each other and with the paper."""
 
     title: str
     note: str
@@ -72,10 +72,10 @@ class Table:
 
 
 def rooms_of(config: BenchConfig) -> dict[str, Path]:
-    """Rooms by name: those of the data folder. Synthetic ones are added by `inputs.make_rooms`.
+    """Find the rooms of the data folder, by name; `inputs.make_rooms` adds synthetic ones.
 
     Raises:
-        CaptureError: a room is not there, or lacks its ground truth.
+        CaptureError: a room is missing, or its ground truth is.
     """
     if config.data is None:
         return {}
@@ -95,7 +95,7 @@ _NEEDED = (*TRANSFORMS.values(), "gt/points.npz")
 
 
 def plan(config: BenchConfig, rooms: list[str]) -> list[Table]:
-    """Every table of the chosen suites, in the order of the document."""
+    """List all tables of the chosen suites, in the order of the document."""
     common = _common_words(config)
     tables: list[Table] = []
     for suite in SUITES:
@@ -157,7 +157,7 @@ def _completion(config: BenchConfig, rooms: list[str], common: tuple[str, ...]) 
 
 
 def _given(rooms: list[str]) -> list[str]:
-    """Rooms that were not made for the benchmark; all where there are no others."""
+    """Rooms that were not made by `goc synth`; all rooms if there are no others."""
     return [room for room in rooms if not room.startswith(MADE)] or rooms
 
 

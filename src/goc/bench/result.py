@@ -1,32 +1,32 @@
-"""What is kept of a run."""
+"""The stored result of a run: the schema of result.json."""
 
 import msgspec
 
 
 class Result(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One measured run; result.json in its folder."""
+    """One measured run, stored as result.json in its folder."""
 
     run: str
-    """Its name: room, views, input, method and settings."""
+    """Name of the run: room, views, input, method and a hash of the settings."""
     command: str
-    """That made it, as a user would type it."""
+    """Command line that repeats it."""
     commit: str
-    """Of goc's source tree, with + where it had changes; empty outside of one."""
+    """Commit of goc's source tree, followed by + if it had changes; empty without a source tree."""
     created: str
     """UTC, ISO 8601."""
     seconds: float | None
-    """Wall clock; null where a stopped run went on, whose first part nobody timed."""
+    """Wall-clock seconds; null for a run that was continued, because its first part was not timed."""
     stages: dict[str, float] = {}
-    """Seconds of each stage, in the order in which they ended; of what a continued run did itself. Empty in results
-    of before."""
+    """Seconds of each stage, in the order in which they ended; a continued run counts only its own part. Empty in older
+    results."""
     peak_memory_mb: float | None
-    """MB = 10⁶ bytes; null where the run had no process of its own."""
+    """Peak memory, MB = 10⁶ bytes; null if the run had no process of its own."""
     objects: int
-    """In the ground truth."""
+    """Number of objects in the ground truth."""
     found: int
-    """Of these, with a mesh."""
+    """Number of these that have a mesh."""
     values: dict[str, float | None]
-    """Of the observed meshes: means over the objects by metric; `scene.` before those of the scene; null where not
-    finite."""
+    """Figures of the observed meshes by metric, as means over the objects; names of figures of the scene start with
+    `scene.`; null where one is not finite."""
     completed: dict[str, float | None]
-    """The same of the completed meshes; empty where there are none."""
+    """Figures of the completed meshes, named as in `values`; empty if there are none."""

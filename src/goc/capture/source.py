@@ -1,4 +1,4 @@
-"""What a reader hands over: files and numbers of every view, nothing decoded."""
+"""Result of a capture reader: files and cameras of every view, before any image is decoded."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -36,24 +36,24 @@ class Lens:
 
 @dataclass(frozen=True)
 class IdCodes:
-    """How stored ids are to be understood, beyond 255 or 65535 = unlabelled."""
+    """Meaning of stored ids, besides 255 and 65535, which mean unlabelled."""
 
     background: int = 0
     """Stored value of the room."""
     unknown: int | None = None
-    """One more stored value that means unlabelled."""
+    """Another stored value that means unlabelled."""
     values: tuple[int, ...] = ()
-    """All values that mean something, others being unlabelled; empty if not known."""
+    """All valid stored values; others are unlabelled. Empty if they are not known."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """One view's files."""
+    """Camera and files of one view."""
 
     name: str
     lens: Lens
     world_from_cam: Float64[np.ndarray, "4 4"]
-    """Rigid, OpenCV camera axes, scene units."""
+    """Rigid pose, OpenCV camera axes, scene units."""
     image: Path
     depth: Path | None = None
     ids: Path | None = None
@@ -62,13 +62,13 @@ class View:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Source:
-    """A capture's files."""
+    """Views and files of a capture."""
 
     path: Path
-    """What errors call the capture."""
+    """Path of the capture, as errors name it."""
     views: tuple[View, ...]
     depth_units_per_metre: float = MILLIMETRES
-    """How many steps of a stored depth make a scene unit, which is a metre where depth was measured."""
+    """Steps of a stored depth in a scene unit, which is a metre where depth was measured."""
     depth_kind: DepthKind = "metric"
     id_codes: IdCodes = IdCodes()
     id_names: dict[int, str] = field(default_factory=dict)
@@ -76,23 +76,23 @@ class Source:
 
 
 def complain(where: Path | str, culprits: Sequence[str], total: int, what: str, remedy: str) -> CaptureError:
-    """Put an error into the house's words: where, how many, the first culprit, what to do."""
+    """Make an error in one line: where, how many, the first culprit, what to do."""
     return CaptureError(f"{where}: {count_of(culprits, total)} {what} (first: {shown(culprits[0])}). {remedy}")
 
 
 def shown(name: str) -> str:
-    """A name from a file, fit for one line: printable and not too long."""
+    """Make a name from a file printable and at most 120 characters long, for messages of one line."""
     short = name if len(name) <= _LONGEST_NAME else name[:_LONGEST_NAME] + "…"
     return short if short.isprintable() and short else repr(short)
 
 
 def count_of(culprits: Sequence[object], total: int) -> str:
-    """Such as `3 of 120`."""
+    """Number of culprits in words, for example `3 of 120`."""
     return f"{len(culprits)} of {total}"
 
 
 def parse_id_names(where: Path, stored: dict[str, str]) -> dict[int, str]:
-    """Names by id, from a JSON object whose keys are ids.
+    """Convert a JSON object whose keys are ids to names by id.
 
     Raises:
         CaptureError: a key is not an id.

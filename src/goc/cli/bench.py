@@ -16,8 +16,8 @@ from goc.cli.progress import shown_progress
 
 _DESCRIPTION = """Carve rooms with known geometry, judge what comes out, and write the tables as Markdown.
 
-Every run is kept in --out and not repeated: stop it at any time, and the same command goes on where it was. Runs that
-were carved by another version of goc are kept too (their commit stands in result.json); --fresh measures all again.
+Every run is kept in --out and not repeated: after a stop, the same command continues. Runs that another version of goc
+carved are kept too (result.json has their commit); --fresh measures all again.
 
 examples:
   goc bench --suites rooms                                 a room made on the spot: needs no data
@@ -28,7 +28,7 @@ examples:
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """What stands on the command line."""
+    """The arguments of the command line."""
 
     config: Annotated[BenchConfig, tyro.conf.arg(name="")] = field(default_factory=BenchConfig)
     out: Path = Path("out/bench")

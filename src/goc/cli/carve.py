@@ -36,7 +36,7 @@ Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff]
 
 @dataclass(frozen=True, kw_only=True)
 class Base:
-    """What all other settings are changes of."""
+    """The preset, which all other settings change."""
 
     preset: Literal["fast", "paper"] = "fast"
     """fast: minutes on two cores. paper: 30,000 iterations, colour of degree 3, labels learned: half an hour."""
@@ -44,7 +44,7 @@ class Base:
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Base, Settings):
-    """What stands on the command line."""
+    """The arguments of the command line."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="CAPTURE"), tyro.conf.Positional]
     """Folder of the capture."""
@@ -53,7 +53,7 @@ class Arguments(Base, Settings):
     iterations: Annotated[Count | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
     """Optimisation steps; short for --reconstruct.iterations."""
     seed: Annotated[Seed | None, tyro.conf.arg(metavar="N", help_behavior_hint="")] = None
-    """Of all randomness; short for --reconstruct.seed and --segment.seed."""
+    """Random seed; short for --reconstruct.seed and --segment.seed."""
     overwrite: Flag = False
     """Replace what goc wrote into OUT before; other files there stay."""
     resume: Flag = False
@@ -61,7 +61,7 @@ class Arguments(Base, Settings):
     stages: Annotated[CarveConfig, tyro.conf.arg(name="")] = field(default_factory=CarveConfig)
 
     def config(self) -> CarveConfig:
-        """The settings of the stages, shortcuts applied."""
+        """The settings of the stages, with the shortcuts applied."""
         reconstruct, segment, export = self.stages.reconstruct, self.stages.segment, self.stages.export
         if self.iterations is not None:
             reconstruct = replace(reconstruct, iterations=self.iterations)
@@ -79,17 +79,17 @@ def main(words: Sequence[str]) -> int:
 
 
 def arguments_of(words: Sequence[str]) -> Arguments:
-    """Read the command line: the preset first, since it gives the defaults that other settings change.
+    """Read the command line; the preset is read first, because it sets the defaults of other settings.
 
     Raises:
-        ConfigError: a flag is unknown, or its value is.
+        ConfigError: a flag is unknown, or its value is refused.
     """
     base = parse_known(Base, words, "goc carve")
     return parse(partial(Arguments, stages=PRESETS[base.preset]), words, "goc carve", _DESCRIPTION)
 
 
 def run(source: Path, out: Path, config: CarveConfig, resume: bool, command: Sequence[str]) -> int:
-    """Carve, show progress, say where the results are; `command` is what a user types to run it again."""
+    """Carve, show progress, and print where the results are; `command` holds the words that run it again."""
     started = time.monotonic()
     try:
         with shown_progress() as notify:

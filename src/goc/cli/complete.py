@@ -24,8 +24,8 @@ _DESCRIPTION = """Close one partial scan: a point cloud or mesh of an object tha
 INPUT is .ply, .glb, .obj, .xyz, .txt or .pts. Normals are estimated where a point cloud has none; a mesh must be wound
 counter-clockwise seen from outside. Without a viewpoint nothing is known to be empty, so what is filled in is a guess:
 with `smooth`, the surface goes on as smoothly as its normals ask, which closes holes well and invents no missing half.
-Of a scan from one place, say from where: what was seen past stays empty. A scan that comes with its views is better
-carved: `goc carve` knows where all rays passed.
+If a scan was taken from one place, give --viewpoint: space that was seen through stays empty. If you have the views of
+a scan, use `goc carve`, which knows the rays of all of them.
 
 examples:
   goc complete mug.ply --out mug_closed.ply
@@ -35,11 +35,12 @@ examples:
   goc complete mug.ply --out mug_closed.ply --method osc --weights osc_m.safetensors"""
 
 _SAMPLES = 100_000
+"""Points sampled on a mesh that is given as a scan."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments:
-    """What stands on the command line."""
+    """The arguments of the command line."""
 
     source: Annotated[Path, tyro.conf.arg(metavar="INPUT"), tyro.conf.Positional]
     """The partial scan."""

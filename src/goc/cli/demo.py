@@ -28,12 +28,12 @@ examples:
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Settings):
-    """What stands on the command line."""
+    """The arguments of the command line."""
 
     out: Path = Path("goc-demo")
     """Folder for the capture and the results."""
     iterations: Count = 1500
-    """Optimisation steps. The 2,000 of `goc carve` make this room no better: 26.0 dB in held-out views either way."""
+    """Optimisation steps. The 2,000 of `goc carve` give the same 26.0 dB in held-out views of this room."""
     overwrite: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Replace the results of an earlier demo."""
     resume: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
@@ -58,7 +58,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _photograph(capture: Path) -> None:
-    """Make the capture under another name first: one that is there is whole."""
+    """Make the capture under a temporary name and rename it, so that an existing capture is always complete."""
     making = capture.with_name(".room.making")
     shutil.rmtree(making, ignore_errors=True)
     with shown_progress() as notify:

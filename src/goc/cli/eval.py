@@ -30,24 +30,24 @@ examples:
 
 @dataclass(frozen=True, kw_only=True)
 class Arguments(Settings):
-    """What stands on the command line."""
+    """The arguments of the command line."""
 
     run: Annotated[Path, tyro.conf.arg(metavar="RUN"), tyro.conf.Positional]
     """Folder of the run."""
     truth: Annotated[Path, tyro.conf.arg(metavar="CAPTURE")]
-    """Capture with gt/, or a transforms file in it: its views are the training poses of the published protocols."""
+    """Capture with gt/, or a transforms file in it, whose views are the training poses of the published protocols."""
     protocol: Protocol = "goc"
     """goc: our own. The others follow published evaluations: docs/guide/eval.md."""
     match: Annotated[Matching | None, tyro.conf.arg(help_behavior_hint="")] = None
-    """Objects belong together by id, or by shape. Default: by shape where the run had no ids, else by id."""
+    """Match objects by id or by shape. Default: by shape where the run had no ids, else by id."""
     meshes: MeshChoice = "best"
     """observed: objects/<id>/observed.ply. completed: objects/<id>/mesh.ply. best: completed where there is one."""
     out: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
-    """Where eval.json and eval.html go. Default: RUN."""
+    """Folder for eval.json and eval.html. Default: RUN."""
     worst: CountOrNone = 4
-    """Objects with pictures on the page, the worst first."""
+    """Number of objects with pictures on the page, the worst first."""
     seed: Seed = 0
-    """Of all samples."""
+    """Random seed of all samples."""
 
 
 def main(words: Sequence[str]) -> int:
@@ -64,7 +64,7 @@ def main(words: Sequence[str]) -> int:
 
 
 def _table(found: Evaluation) -> Table:
-    """Figures down, objects across: a terminal is narrow, and rooms have few objects."""
+    """Table with one figure a row: its mean, its worst object and its value for the scene."""
     table = Table(title=f"{found.run} by {found.protocol}", title_justify="left", header_style="bold")
     table.add_column("")
     table.add_column("mean", justify="right", style="bold")
@@ -87,7 +87,7 @@ def _table(found: Evaluation) -> Table:
 
 
 def _worst(found: Evaluation, name: str) -> tuple[float | None, str]:
-    """The worst value of a figure, and whose it is."""
+    """Worst value of a figure, with id and label of its object."""
     values = {id: item.figures[name] for id, item in found.objects.items() if item.figures.get(name) is not None}
     if not values:
         return None, ""

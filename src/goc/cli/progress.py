@@ -1,4 +1,4 @@
-"""Events as a user sees them: a bar a stage on a terminal, now and then a line elsewhere."""
+"""Shows events to the user: a bar for each stage on a terminal, otherwise a line every few seconds."""
 
 import math
 import sys
@@ -16,27 +16,27 @@ from rich.text import Text
 from goc.events import Event, Listener, Progress, Snapshot, Warned
 
 _WINDOW = 20.0
-"""Seconds that a rate is measured over."""
+"""Seconds over which a rate is measured."""
 _REDRAW, _SPEAK = 0.1, 5.0
 """Seconds between changes of a bar, and between lines of a log."""
 
 
 class Pace:
-    """How fast a stage goes now, and how long it still takes."""
+    """Speed of a stage, and the time that it still takes."""
 
     def __init__(self, event: Progress, now: float) -> None:
-        """Begin with the first event of a stage: what it already did was another run's work, or happened before."""
+        """Start at the first event of a stage; steps that are already done then do not count for the rate."""
         self.started = now
         self._marks: deque[tuple[float, int]] = deque([(now, event.done)])
 
     def mark(self, event: Progress, now: float) -> None:
-        """Hear how far the stage is."""
+        """Record how many steps are done at time `now`, seconds."""
         self._marks.append((now, event.done))
         while len(self._marks) > 2 and now - self._marks[1][0] > _WINDOW:
             self._marks.popleft()
 
     def is_new_round(self, event: Progress) -> bool:
-        """Whether the stage began again."""
+        """Whether the stage has started again."""
         return event.done < self._marks[-1][1]
 
     @property
@@ -46,7 +46,7 @@ class Pace:
         return (done - before) / (now - then) if now > then and done > before else None
 
     def describe(self, event: Progress, now: float) -> str:
-        """Such as `300/3000  16.2/s  2 min 47 s left  PSNR 24.1 dB  60,000 splats`."""
+        """Progress in words, for example `300/3000  16.2 it/s  2 min 47 s left  PSNR 24.1 dB  60,000 splats`."""
         words = [f"{event.done}/{event.total}"]
         if event.done >= event.total:
             words.append(f"in {duration(now - self.started)}")
@@ -57,7 +57,7 @@ class Pace:
 
 
 def duration(seconds: float) -> str:
-    """Such as `7 s`, `2 min 05 s`, `1 h 20 min`."""
+    """A duration in words, for example `7 s`, `2 min 05 s` or `1 h 20 min`."""
     whole = round(seconds)
     if whole < 60:
         return f"{whole} s"
@@ -68,14 +68,14 @@ def duration(seconds: float) -> str:
 
 
 def figure(name: str, value: float) -> str:
-    """Such as `PSNR 24.1 dB` for "PSNR dB", and `60,000 splats` for "splats"."""
+    """A figure in words: `PSNR 24.1 dB` for the name "PSNR dB", `60,000 splats` for "splats"."""
     quantity, _, unit = name.partition(" ")
     return f"{quantity} {value:.1f} {unit}" if unit else f"{value:,.0f} {name}"
 
 
 @contextmanager
 def shown_progress() -> Iterator[Listener]:
-    """A listener that shows events on stderr, as bars where that is a terminal, else as lines."""
+    """Yield a listener that shows events on stderr, as bars if that is a terminal, else as lines."""
     if sys.stderr.isatty():
         with _Terminal() as listener:
             yield listener
@@ -84,7 +84,7 @@ def shown_progress() -> Iterator[Listener]:
 
 
 class _Log:
-    """The first, the last, and now and then an event between as a line; each warning once."""
+    """Writes lines: the first and the last event of a stage, some between them, and each warning once."""
 
     def __init__(self) -> None:
         self._began = time.monotonic()
@@ -112,7 +112,7 @@ class _Log:
 
 
 class _Terminal:
-    """One line a stage, with a bar."""
+    """Shows one line with a bar for each stage."""
 
     def __init__(self) -> None:
         self._console = Console(stderr=True, highlight=False)
@@ -153,7 +153,7 @@ class _Terminal:
 
 
 def _pace(paces: dict[str, Pace], event: Progress, now: float) -> tuple[Pace, bool]:
-    """The pace of the event's stage, and whether the stage began just now."""
+    """Return the pace of the event's stage, and whether the stage has just started."""
     pace = paces.get(event.stage)
     if pace is None or pace.is_new_round(event):
         paces[event.stage] = Pace(event, now)

@@ -1,4 +1,4 @@
-"""What an evaluation finds: the shape of eval.json."""
+"""Result of an evaluation: the schema of eval.json."""
 
 from typing import Literal
 
@@ -12,29 +12,29 @@ Figures = dict[str, float | None]
 
 
 class ObjectEvaluation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One true object and what was predicted for it."""
+    """One true object and the prediction that is compared with it."""
 
     label: str
     predicted: int | None
-    """Id of the predicted object that is compared with it; null: missing."""
+    """Id of the predicted object that is compared with it; null if there is none."""
     mesh: Literal["observed", "completed", "file"] | None
-    """Where the predicted mesh came from: objects/<id>/observed.ply, objects/<id>/mesh.ply or <id>.ply."""
+    """File of the predicted mesh: objects/<id>/observed.ply, objects/<id>/mesh.ply or <id>.ply; null if missing."""
     watertight: bool | None
-    """Of the predicted mesh; null where it is missing."""
+    """Whether the predicted mesh is watertight; null if it is missing."""
     flaw: str | None
-    """Why it is not watertight."""
+    """Why the predicted mesh is not watertight; else null."""
     skipped: str | None
-    """Why the protocol leaves this object out of its means; null where it does not."""
+    """Why the protocol leaves this object out of the means; null if it counts."""
     figures: Figures
 
 
 class ExtraObject(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """A predicted object that no true object is compared with."""
+    """A predicted object that is compared with no true object."""
 
     predicted: int
     area_m2: float
     nearest_truth: int
-    """Id that most of its surface is nearest to; 0 is the room."""
+    """Id of the true object that most of its surface is nearest to; 0 is the room."""
 
 
 class Counts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -45,12 +45,12 @@ class Counts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
     missing: int
     extra: int
     skipped: int
-    """Left out of the means by the protocol's own rule; always 0 for `goc`."""
+    """Objects that a rule of the protocol leaves out of the means; always 0 for `goc`."""
     watertight: int
 
 
 class Evaluation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """All of eval.json. The same run, truth and settings give the same bytes."""
+    """All of eval.json. Equal runs, truth and settings give equal bytes."""
 
     protocol: Protocol
     run: str
@@ -58,18 +58,18 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     meshes: MeshChoice
     matching: Matching
     settings: dict[str, float | int | str | list[float]]
-    """Sample counts, thresholds and the seed, as they were used."""
+    """Sample counts, thresholds and the seed of this evaluation."""
     versions: dict[str, str]
     counts: Counts
     mean: Figures
     """Means over the objects. Shares (F, normals, labels, IoU, watertight) count a missing object as 0; lengths are
-    means over the objects that have them, which is never a missing one: read `mean_over` and `missing` beside them."""
+    means over the objects that have them, never a missing one, so read `mean_over` and `missing` too."""
     mean_over: dict[str, int]
     """Number of objects in each mean."""
     objects: dict[int, ObjectEvaluation]
-    """By true id, all of them."""
+    """All true objects, by id."""
     scene: Figures | None
-    """The whole scene's mesh; null where the run has none."""
+    """Figures of the mesh of the whole scene; null if the run has none."""
     missing: list[int]
-    """True ids without a prediction."""
+    """Ids of the true objects without a prediction."""
     extra: list[ExtraObject]

@@ -1,4 +1,4 @@
-"""The scene's world, found once: up, floor, and how sure they are."""
+"""Finds the world of a scene: up, floor, and the confidence in both."""
 
 import numpy as np
 from jaxtyping import Float64
@@ -11,22 +11,22 @@ from goc.geometry.voxels import cells_of, pack_cells, sum_by_key
 from goc.scene import Capture, Mesh, World
 
 _VOXEL_M = 0.03
-"""Edge of the cells that the surface is thinned to, metres."""
+"""Edge of the cells to which the surface is thinned, metres."""
 _FEWEST = 100
-"""Cells along the scene's diagonal that there are at least, where the guessed metre is too long."""
+"""Least number of cells along the scene's diagonal, for scenes whose guessed metre is too long."""
 
 
 def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener = ignore) -> World:
-    """Up and floor from the scene's surface and the cameras, or as the user said.
+    """Find up and floor from the scene's surface and the cameras; values that the user gave are kept.
 
     Args:
         mesh: the whole scene, faces counter-clockwise seen from the cameras.
-        views: their cameras and units.
-        config: what the user knows.
-        notify: hears a warning where nothing but the cameras tells up.
+        views: cameras and units.
+        config: up and floor that the user gave, if any.
+        notify: receives a warning if up comes from the cameras alone.
 
     Returns:
-        Confidence as `find_gravity` has it; what the user gave counts as sure.
+        The world, with the confidence of `find_gravity`; values that the user gave have confidence 1.
     """
     given = None if config.up is None else np.array(config.up, np.float64) / np.linalg.norm(config.up)
     points, normals, voxel = _thinned(mesh, _VOXEL_M * views.units_per_metre)
@@ -45,12 +45,12 @@ def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener
 
 
 def _confidence(found: Gravity, config: WorldConfig) -> float:
-    """Of up alone where the user gave the floor."""
+    """Confidence in up and floor, or in up alone if the user gave the floor."""
     return round(found.confidence if config.floor is None else found.up_confidence, 3)
 
 
 def _thinned(mesh: Mesh, voxel: float) -> tuple[Float64[np.ndarray, "p 3"], Float64[np.ndarray, "p 3"], float]:
-    """Mean place and normal of the vertices in each cell, in the order of the cells, and the cells' edge."""
+    """Mean position and normal of the vertices in each cell, in the order of the cells, and the edge of the cells."""
     normals = vertex_normals(mesh).astype(np.float64)
     faced = np.linalg.norm(normals, axis=1) > 0.5
     vertices, normals = mesh.vertices[faced].astype(np.float64), normals[faced]
@@ -59,5 +59,5 @@ def _thinned(mesh: Mesh, voxel: float) -> tuple[Float64[np.ndarray, "p 3"], Floa
     rows = np.concatenate([vertices, normals, np.ones((len(vertices), 1))], axis=1)
     _, sums = sum_by_key(pack_cells(cells_of(vertices - corner, voxel)), rows)
     length = np.linalg.norm(sums[:, 3:6], axis=1, keepdims=True)
-    kept = length[:, 0] > 0.5 * sums[:, 6]  # cells with a fold in them face nowhere
+    kept = length[:, 0] > 0.5 * sums[:, 6]  # the normals in a cell with a fold cancel out
     return (sums[:, :3] / sums[:, 6:])[kept], (sums[:, 3:6] / np.maximum(length, 1e-12))[kept], voxel

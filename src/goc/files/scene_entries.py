@@ -1,4 +1,4 @@
-"""The schema of scene.json: all of a scene but meshes, splats and grids, which are files of their own."""
+"""The schema of scene.json: all of a scene except meshes, splats and grids, which have their own files."""
 
 from typing import Annotated
 
@@ -12,27 +12,27 @@ from goc import __version__
 from goc.scene import Camera, Scene, SceneObject, World
 
 VERSION = 1
-"""Of scene.json and of the files it speaks of. Raise it whenever an older goc would misread them."""
+"""Version of scene.json and the files that it lists. Raise it whenever an older goc would misread them."""
 
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 Matrix = tuple[Row, Row, Row, Row]
-"""Row by row; maps columns (x, y, z, 1)."""
+"""Rows of a matrix that maps columns (x, y, z, 1)."""
 _Positive = Annotated[float, msgspec.Meta(gt=0.0)]
 _Count = Annotated[int, msgspec.Meta(ge=1)]
 
 
 class WorldEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """`World`, and the map that it implies."""
+    """`World`, with the transform that follows from it."""
 
     up: Vector
-    """Unit, in the world of the capture."""
+    """Unit vector in the world of the capture."""
     floor: float
     confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
     units_per_metre: _Positive
     metric: bool
     level_from_world: Matrix
-    """Capture's world → right-handed, z up, metres, floor at z = 0. Follows from the above."""
+    """From the capture's world to metres, right-handed, z up, floor at z = 0. It follows from the other fields."""
 
 
 class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -47,7 +47,7 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
 
 
 class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One object, and which of its parts there are files of."""
+    """One object; the last four fields say which of its parts have files."""
 
     id: _Count
     name: str
@@ -63,17 +63,17 @@ class SceneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
 
     schema: int
     goc: str
-    """Version that wrote it."""
+    """Version of goc that wrote it."""
     world: WorldEntry
     objects: list[ObjectEntry]
     """Ascending ids."""
     cameras: list[CameraEntry]
     metrics: dict[str, float | None]
-    """As the reconstruction measured them; null where a figure is not finite."""
+    """Figures of the reconstruction by name; null where one is not finite."""
 
 
 def entry_of(scene: Scene) -> SceneEntry:
-    """What scene.json says of a scene."""
+    """Convert a scene to the content of scene.json."""
     return SceneEntry(
         schema=VERSION,
         goc=__version__,
@@ -92,12 +92,12 @@ def entry_of(scene: Scene) -> SceneEntry:
 
 
 def matrix_of(matrix: Float64[np.ndarray, "4 4"] | Float[Tensor, "4 4"]) -> Matrix:
-    """A matrix as JSON has it."""
+    """Convert a matrix to rows of numbers."""
     return tuple(tuple(float(value) for value in row) for row in matrix.tolist())
 
 
 def world_of(entry: WorldEntry) -> World:
-    """The world that scene.json tells of."""
+    """Convert an entry of scene.json to a world."""
     return World(
         up=np.array(entry.up, np.float64),
         floor=entry.floor,
@@ -108,7 +108,7 @@ def world_of(entry: WorldEntry) -> World:
 
 
 def camera_of(entry: CameraEntry) -> Camera:
-    """The camera that scene.json tells of."""
+    """Convert an entry of scene.json to a camera in float32."""
     return Camera(
         focal_px=torch.tensor(entry.focal_px, dtype=torch.float32),
         centre_px=torch.tensor(entry.centre_px, dtype=torch.float32),

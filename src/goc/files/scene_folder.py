@@ -1,4 +1,4 @@
-"""A scene as a folder: `read_scene` gives back what `write_scene` was given (names: layout.py)."""
+"""Writes a scene into a folder and reads it back without loss; layout.py has the names of the files."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -28,16 +28,16 @@ _AGAIN = "Carve again with --overwrite"
 
 
 def write_scene(folder: Path, scene: Scene) -> None:
-    """Write a scene, everything in it, in the world and units of the capture; scene.json last.
+    """Write a whole scene in the world and units of the capture; scene.json is written last.
 
-    Each file is written atomically, the whole is not: runs write into a folder aside (`goc.runs`).
+    Each file is written atomically, but the folder is not: runs write into a temporary folder (`goc.runs`).
 
     Args:
-        folder: made if need be; existing files of the same names are replaced.
-        scene: splats of objects are those whose label is the object's id; that is how they are read back.
+        folder: created if it does not exist; existing files of the same names are replaced.
+        scene: the splats of each object have to be those labelled with its id, as they are read back so.
 
     Raises:
-        FileError: a number is not finite, or the disk refuses.
+        FileError: a number is not finite, or a file cannot be written.
     """
     write_meshes(folder, scene.mesh, scene.objects)
     write_splats(folder / layout.SCENE_SPLATS, scene.splats)
@@ -55,7 +55,7 @@ def write_scene(folder: Path, scene: Scene) -> None:
 
 
 def write_meshes(folder: Path, mesh: Mesh, objects: Sequence[SceneObject]) -> None:
-    """Write the meshes alone: of the scene, and of each object the surfaces that it has."""
+    """Write only the meshes: that of the scene, and the surfaces that each object has."""
     write_mesh(folder / layout.SCENE_MESH, mesh)
     for item in objects:
         own = object_files(folder, item.id)
@@ -85,15 +85,15 @@ def read_scene(folder: Path) -> Scene:
 
 
 def read_meshes(folder: Path, wanted: Sequence[SurfaceKind]) -> dict[int, tuple[SurfaceKind, Mesh]]:
-    """Of each object the first of the wanted surfaces that it has; reads nothing else of the scene.
+    """Read one mesh of each object, the first of the wanted surfaces that it has, and nothing else of the scene.
 
-    A folder without scene.json will do: its objects are then those that have a folder under objects/.
+    Without scene.json, the objects are the folders under objects/.
 
     Returns:
-        By ascending id; objects with none of the surfaces are left out.
+        Kind and mesh by ascending id; objects with none of the surfaces are left out.
 
     Raises:
-        FileError: as `read_scene`, as far as it is read.
+        FileError: scene.json is of another version or contradicts itself, or a mesh is missing or damaged.
     """
     found: dict[int, tuple[SurfaceKind, Mesh]] = {}
     for id, surfaces in _surfaces(folder).items():
@@ -104,7 +104,7 @@ def read_meshes(folder: Path, wanted: Sequence[SurfaceKind]) -> dict[int, tuple[
 
 
 def _surfaces(folder: Path) -> dict[int, set[SurfaceKind]]:
-    """Surfaces of each object: as scene.json says, or else as the files say."""
+    """Surfaces of each object by id, from scene.json, or from the existing files if there is none."""
     kinds: tuple[SurfaceKind, ...] = ("observed", "solid")
     if is_file(folder / layout.SCENE):
         return {item.id: {kind for kind in kinds if getattr(item, kind)} for item in _read_entry(folder).objects}

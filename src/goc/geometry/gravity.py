@@ -1,4 +1,4 @@
-"""Which way is up, and where the floor is: from level surfaces, and from how people hold cameras."""
+"""Finds up and the floor of a scene from level surfaces and from the orientation of the cameras."""
 
 from dataclasses import dataclass
 
@@ -8,46 +8,46 @@ from jaxtyping import Float, Float64, Int64
 from goc.geometry.planes import Plane, along, find_plane, plane_inliers, refine_plane
 
 LEVEL = np.cos(np.radians(12.0))
-"""Cosine between up and the normals of what counts as horizontal."""
+"""Least cosine between up and the normal of a horizontal surface."""
 TILT = np.cos(np.radians(40.0))
-"""The floor's normal is looked for this close to the cameras' own up."""
+"""Least cosine between the normal of a level plane and the up of the cameras."""
 _WIDE_TILT = np.cos(np.radians(70.0))
-"""The same where nothing is found there: cameras that look down at a table from one side lean so far."""
+"""Used instead of `TILT` if no plane is found: cameras that look down at a table from one side tilt this far."""
 MAX_BELOW = 0.2
-"""Share of the points that may lie below a floor: mirrors, glass, a stair."""
+"""Largest share of the points below a floor, as mirrors, glass and stairs cause them."""
 UPRIGHT = np.cos(np.radians(3.0))
-"""World z counts as up when the floor agrees with it so well."""
+"""Least cosine between the level plane's normal and world z for world z to be taken as up."""
 MIN_SHARE = 0.02
-"""A plane of the room holds at least this share of all points."""
+"""Least share of all points that a plane of the room has."""
 _ALONG_AXIS = np.cos(np.radians(1.0))
-"""An axis of the world is up when the level plane agrees with it so well."""
+"""Least cosine between the level plane's normal and an axis of the world for the axis to be taken as up."""
 _UNDER_FLOOR = 0.05
-"""Share of the points that may lie below what things stand on; more, and it is a table's top."""
+"""Largest share of the points below the floor; a plane with more below it is a table top."""
 _CLEAR_SHARE = 0.05
-"""A level plane with this share of all points counts in full."""
+"""Share of all points from which on a level plane has full confidence."""
 _GUESSED = 0.25
-"""How sure up is that only cameras tell, and a floor that is only the lowest point."""
+"""Confidence of an up that comes from the cameras alone, and of a floor that is only the lowest point."""
 _LOWEST = 0.001
-"""Share of the points that may lie below the lowest point, as stray ones do."""
+"""Quantile of the heights that counts as the lowest point, so that stray points are ignored."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gravity:
-    """Up and the floor, and how sure both are."""
+    """Up and the floor, with confidences."""
 
     up: Float64[np.ndarray, "3"]
-    """Unit."""
+    """Unit vector, world."""
     floor: float
-    """up · x of the floor's points."""
+    """Height of the floor along up, up · x, scene units."""
     up_confidence: float
     floor_confidence: float
-    """0…1, see `find_gravity`."""
+    """Both from 0 to 1, see `find_gravity`."""
     is_level: bool
-    """A plane of the scene, or the caller, confirms up; else only cameras do."""
+    """True if up comes from a plane of the scene or from the caller, False if from the cameras alone."""
 
     @property
     def confidence(self) -> float:
-        """0…1: of both together, their product."""
+        """Product of both confidences, 0 to 1."""
         return self.up_confidence * self.floor_confidence
 
 
@@ -62,25 +62,25 @@ def find_gravity(
     """Up and floor of a scene that cameras saw from within.
 
     Up is the normal of the largest plane within 40° of the cameras' own up (`level_plane`), or else within 70°, for
-    cameras that look down on a table; an axis of the world that this is within 1° of; the cameras' own up (`camera_up`)
-    where there is no such plane. The floor is the lowest level layer with nearly all
-    cameras above it and next to nothing below; without one it is the lowest point along up.
+    cameras that look down on a table. If an axis of the world is within 1° of that normal, the axis is up. Without such
+    a plane it is the cameras' own up (`camera_up`). The floor is the lowest level layer with nearly all cameras above
+    it and almost no points below; without one it is the lowest point along up.
 
-    How sure they are, 0…1:
+    Confidences, 0 to 1:
 
     - up: 1 if given; with a level plane, cos(angle to the cameras' up) · min(1, its share of the points / 5 %); else ¼;
     - floor: share of the cameras above it · min(1, its share of the points / 5 %); ¼ for the lowest point.
 
     Args:
-        points: one a voxel or so, evenly spread over the surface.
-        normals: unit, towards the side that was seen.
+        points: evenly spread over the surface, about one a voxel.
+        normals: unit vectors towards the side that was seen.
         voxel: distance of neighbouring points.
         poses: world from camera (x right, y down, z forward).
-        rng: of the search for planes.
-        up: unit, where it is known.
+        rng: random numbers for the search for planes.
+        up: unit vector, if it is known.
     """
     positions, of_cameras = poses[:, :3, 3], camera_up(poses)
-    if not np.linalg.norm(of_cameras) > 0.5:  # they look every way
+    if not np.linalg.norm(of_cameras) > 0.5:  # they look in all directions
         of_cameras = np.array([0.0, 0.0, 1.0])
     sure, is_level = 1.0, True
     if up is None:
@@ -106,7 +106,7 @@ def find_up(
     poses: Float[np.ndarray, "n 4 4"],
     rng: np.random.Generator,
 ) -> tuple[Float64[np.ndarray, "3"], bool]:
-    """Up, and whether a level plane confirms it; world z is kept where that plane agrees with it to 3°."""
+    """Return up, and whether a level plane gave it. Up is world z if the plane's normal is within 3° of that."""
     plane = level_plane(points, normals, voxel, poses, rng)
     if plane is None:
         return camera_up(poses), False
@@ -121,7 +121,7 @@ def level_plane(
     rng: np.random.Generator,
     tilt: float = TILT,
 ) -> Plane | None:
-    """The largest plane near the cameras' up with nearly all cameras above it; None if there is none.
+    """Find the largest plane near the cameras' up with nearly all cameras above it; None if there is none.
 
     Photographers hold cameras level, so the largest plane near their own up is horizontal: a floor or a table. `tilt`
     is the cosine of the largest angle between its normal and the cameras' up.
@@ -144,7 +144,7 @@ def level_plane(
 
 
 def camera_up(poses: Float[np.ndarray, "n 4 4"]) -> Float64[np.ndarray, "3"]:
-    """The direction most nearly across all cameras' x axes, on the side of their up; their mean up if that is vague.
+    """Return the upward direction most nearly perpendicular to the cameras' x axes; if ambiguous, their mean up.
 
     Args:
         poses: world from camera (x right, y down, z forward).
@@ -164,7 +164,7 @@ def find_floor(
     up: Float64[np.ndarray, "3"],
     positions: Float[np.ndarray, "n 3"],
 ) -> Plane | None:
-    """The lowest horizontal layer that holds a fifth of the largest one's points, with nearly all cameras above."""
+    """Find the lowest horizontal layer with a fifth of the largest one's points and nearly all cameras above it."""
     heights = along(points, up)[along(normals, up) > LEVEL]
     if not len(heights):
         return None
@@ -182,14 +182,14 @@ def find_floor(
 
 
 def layers(heights: Float[np.ndarray, "p"], layer: float) -> tuple[Int64[np.ndarray, "b"], Float64[np.ndarray, "b"]]:
-    """Numbers of points in every window two bins high, and the windows' lower edges."""
+    """Return the number of points in every window two bins high, and the lower edges of the windows."""
     edges = np.arange(heights.min() - layer, heights.max() + 2 * layer, layer)
     counts, edges = np.histogram(heights, edges)
     return counts[:-1] + counts[1:], edges[:-2]
 
 
 def _before(plane: Plane, positions: Float[np.ndarray, "n 3"]) -> float:
-    """Share of the cameras that stand before a plane."""
+    """Share of the cameras in front of a plane."""
     return float((plane.distance(positions) > 0).mean())
 
 
@@ -199,12 +199,12 @@ def _below(plane: Plane, points: Float[np.ndarray, "p 3"], voxel: float) -> floa
 
 
 def _weight(plane: Plane, points: Float[np.ndarray, "p 3"], normals: Float[np.ndarray, "p 3"], voxel: float) -> float:
-    """How much a plane counts by its share of all points, 0…1."""
+    """Confidence in a plane from its share of all points, 0 to 1."""
     return min(1.0, float(plane_inliers(plane, points, normals, 1.5 * voxel).mean()) / _CLEAR_SHARE)
 
 
 def _along_axis(direction: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
-    """The axis of the world that is nearly the direction; the direction itself where none is."""
+    """Return the axis of the world within 1° of the direction, or the direction itself if there is none."""
     axis = int(np.abs(direction).argmax())
     near = abs(direction[axis]) > _ALONG_AXIS
     return np.sign(direction[axis]) * np.eye(3)[axis] if near else direction

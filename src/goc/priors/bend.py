@@ -1,7 +1,7 @@
-"""Slow errors of monocular depth, read off the photographs: depth gives way until neighbouring views look alike.
+"""Corrects slow errors of monocular depth: depth is changed until neighbouring photographs agree.
 
-Stereo must decide on every pixel by itself; here a whole cell of a view's grid moves as one, with the shape that the
-network saw. So a white wall's faint shading adds up, and no window straddles an edge.
+Stereo decides pixel by pixel. Here each cell of a view's grid gets one correction and keeps the shape that the network
+predicted, so the faint shading of a white wall adds up over the cell, and no window lies across a depth edge.
 """
 
 from collections.abc import Sequence
@@ -20,48 +20,48 @@ from goc.scene.camera import Camera
 from goc.scene.capture import Capture, Frame
 
 _SIDE_PX = 192
+"""Views are compared at this longest side, pixels."""
 _STEPS = (0.02, 0.015, 0.01, 0.01)
-"""Share of the depth over which each round takes its slopes: about one pixel of parallax."""
+"""Relative change of depth for the finite differences of each round: about one pixel of parallax."""
 _SLACK = 0.5
-"""Share of the squared slopes that holds a cell back: with all of them it takes ten rounds (measured)."""
+"""Share of the squared slopes that divides each step: with all of them it takes ten rounds (measured)."""
 _LARGEST = 0.03
+"""Largest relative change of a cell's depth in one round."""
 _RIDGE = 5.0
-"""Squared slope (contrast a share of depth) at which photographs and start are trusted alike: (0.3 / 0.02)² over some
-40 independent pixels a cell, for contrast that differs by 0.3 and a start that is off by 2 %."""
+"""Squared slope (contrast per relative depth) at which photographs and initial depth weigh the same: (0.3 / 0.02)²
+over some 40 independent pixels a cell, for contrast that differs by 0.3 and initial depth that is off by 2 %."""
 _NEIGHBOURS = 8
 _MAX_ANGLE_DEG, _BASELINES_M, _DEPTHS_M = 45.0, (0.15, 1.5), (1.0, 2.0, 4.0)
 _WINDOW_PX = 7
 _FLOOR = 1.5
-"""Contrast, grey levels, that counts as half of what noise could be."""
+"""Grey levels, added to the deviation that contrast is divided by, so that noise is not amplified."""
 _DIFFERENT = 0.5
-"""Normalised grey levels by which a pixel may differ before it counts for little."""
+"""Difference in normalised grey levels from which on a pixel counts for little."""
 _ONE_SURFACE = 0.1
-"""Depths within this share of each other show one surface."""
+"""Depths whose relative difference is smaller show one surface."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _View:
-    """A view on a raster of at most 192 pixels."""
+    """A view reduced to at most 192 pixels a side."""
 
     frame: Frame
-    """With depth as stored."""
+    """Its depth is as stored, without alignment."""
     grey: Float[Tensor, "h w"]
-    """Local contrast: zero mean and unit deviation in each window."""
+    """Local contrast: mean 0 and deviation about 1 in each window."""
 
 
 def bend(capture: Capture, views: list[int], rows: Float[Tensor, "n r"], notify: Listener) -> Float[Tensor, "n r"]:
-    """Bend the surfaces of aligned views, slowly across the image, until they look alike in their neighbours.
-
-    By Gauss-Newton, on the slow errors.
+    """Change the slow errors of aligned views by Gauss-Newton steps until neighbouring photographs agree.
 
     Args:
         capture: its depth is affine or inverse.
-        views: which take part; those that are not aligned do not.
+        views: indices of the views to use; those without an alignment are skipped.
         rows: alignments, as `align_views` makes them.
         notify: hears Progress.
 
     Returns:
-        The rows with other slow errors; scales and offsets stay.
+        A copy of the rows with new slow errors; scales and offsets are unchanged.
     """
     rows = rows.clone()
     seen = {view: _view(capture[view]) for view in views if torch.isfinite(rows[view, SCALE])}
@@ -108,7 +108,7 @@ def _normalised(grey: Float[Tensor, "h w"]) -> Float[Tensor, "h w"]:
 def _evidence(
     view: _View, shown: Frame, others: Sequence[tuple[_View, Frame]], step: float
 ) -> tuple[Float[Tensor, "12 12"], Float[Tensor, "12 12"]]:
-    """Of each cell: -Σ slope · error and Σ slope², a pixel, whose ratio is by which share its depth should grow."""
+    """Means of -slope · error and slope² in each cell; their ratio is the relative change that its depth needs."""
     assert shown.depth is not None
     pull, hold = torch.zeros_like(shown.depth), torch.zeros_like(shown.depth)
     for other, surface in others:
@@ -128,7 +128,7 @@ def _evidence(
 def _projected(
     depth: Float[Tensor, "h w"], camera: Camera, other: Camera
 ) -> tuple[Float[Tensor, "1 h w 2"], Float[Tensor, "h w"]]:
-    """Where another camera sees each pixel's point, -1 to 1 across its image (9 if nowhere), and at which z."""
+    """Where each pixel's point projects in another camera: -1 to 1 across its image (9 if nowhere), and its z there."""
     px, z = other.project(camera.unproject_depth(depth))
     inside = px / torch.tensor([other.width, other.height]) * 2.0 - 1.0
     met = torch.isfinite(inside).all(-1)

@@ -1,4 +1,4 @@
-"""The two engines that draw splats, and the trial that decides whether the one on a CUDA device is used."""
+"""The two engines that draw splats, and the trial that checks whether the one for CUDA works."""
 
 import contextlib
 import io
@@ -20,29 +20,29 @@ from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
 Blend = Callable[[Gaussians, Views, Float[Tensor, "v n c"]], tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]]
-"""Draws per-view channels of splats into several views, as `rasterize` does into one."""
+"""Draws the channels of n splats into v views: images and opacities. `rasterize` does the same for one view."""
 
 _TOLERANCE = 1e-2
-"""Of the trial, as a share of the largest value: a wrong convention is off by far more, rounding by far less."""
+"""Largest error of the trial as a share of the largest value; wrong conventions exceed it by far, rounding does not."""
 _SPLATS, _CHANNELS = 24, 8
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Engine:
-    """What draws, and where its numbers live."""
+    """A function that draws splats, and the device of its tensors."""
 
     name: Literal["cpu", "cuda"]
     device: torch.device
     blend: Blend
     fused: bool
-    """A training step blends view after view, each in one native call that makes the channels too; otherwise all views
+    """True: a training step draws each view in one native call, which makes the channels too. False: it draws all views
     of one size in one call, from channels made in PyTorch."""
 
 
 def blend_natively(
     gaussians: Gaussians, views: Views, channels: Float[Tensor, "v n c"]
 ) -> tuple[Float[Tensor, "v h w c"], Float[Tensor, "v h w"]]:
-    """As `rasterize`, for one view after the other."""
+    """Draw each view with `rasterize` and stack the images."""
     drawn = [rasterize(gaussians, camera, own) for camera, own in zip(views.cameras, channels, strict=True)]
     return stacked([image for image, _ in drawn]), stacked([alpha for _, alpha in drawn])
 
@@ -54,7 +54,7 @@ CUDA = Engine(name="cuda", device=FIRST, blend=blend_with_gsplat, fused=False)
 
 
 def choose_engine(wanted: DeviceName, notify: Listener = ignore) -> Engine:
-    """The engine of a run: gsplat's on a CUDA device that draws as the processor does, as `choose_device` finds out.
+    """Choose the engine of a run: gsplat where CUDA is allowed and passes the trial, else the CPU; see `choose_device`.
 
     Raises:
         EngineError: cuda is wanted and does not work.
@@ -64,9 +64,9 @@ def choose_engine(wanted: DeviceName, notify: Listener = ignore) -> Engine:
 
 
 def cuda_flaw(notify: Listener = ignore) -> str | None:
-    """Why splats cannot be drawn on a CUDA device; None where they can.
+    """Say in one line why splats cannot be drawn on a CUDA device; None where they can.
 
-    That gsplat can be imported proves nothing: it finds out that it lacks its kernels when it draws.
+    It draws, because gsplat can be imported without its kernels and fails only when they are called.
     """
     if not torch.cuda.is_available():
         return "PyTorch sees no CUDA device"
@@ -77,17 +77,17 @@ def cuda_flaw(notify: Listener = ignore) -> str | None:
 
 
 def trial_flaw(blend: Blend, device: torch.device) -> str | None:
-    """What is wrong with an engine: draw a few splats into two views, and their gradients, and compare with the CPU's.
+    """Draw a few splats into two views, with gradients, and compare the results with those of the CPU.
 
     Returns:
-        One line; None where values and gradients agree within 1 % of the largest.
+        What is wrong, in one line; None where values and gradients agree within 1 % of the largest.
     """
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # gsplat tells there that it compiles, or that it cannot
+        with contextlib.redirect_stdout(io.StringIO()):  # gsplat prints compiler messages to stdout
             found = _trial(blend, device)
     except ModuleNotFoundError as error:
         return f"{error.name} is not installed"
-    except Exception as error:  # whatever a broken toolchain raises is the answer
+    except Exception as error:  # a broken toolchain can raise anything
         lines = str(error).splitlines() or [""]
         return f"a trial with {gsplat_version()} failed ({type(error).__name__}: {lines[0][:120]})"
     for name, expected in _trial(blend_natively, CPU).items():
@@ -98,7 +98,7 @@ def trial_flaw(blend: Blend, device: torch.device) -> str | None:
 
 
 def gsplat_version() -> str:
-    """Such as `gsplat 1.5.3`."""
+    """Name and version of the installed gsplat, for example `gsplat 1.5.3`."""
     try:
         return f"gsplat {version('gsplat')}"
     except PackageNotFoundError:
@@ -118,7 +118,7 @@ def _trial(blend: Blend, device: torch.device) -> dict[str, Tensor]:
 
 
 def trial_splats(count: int, channels: int) -> tuple[Gaussians, Float[Tensor, "n c"]]:
-    """Splats before the trial's cameras, below the opacity at which versions of gsplat differ, and their channels."""
+    """Random splats and channels in front of the trial's cameras; versions of gsplat differ for higher opacities."""
     generator = torch.Generator().manual_seed(0)
     places = torch.rand(count, 3, generator=generator) - 0.5
     splats = Gaussians(
@@ -132,7 +132,7 @@ def trial_splats(count: int, channels: int) -> tuple[Gaussians, Float[Tensor, "n
 
 
 def trial_cameras() -> list[Camera]:
-    """Two views of one size, off the axis and with a principal point off the middle."""
+    """Two cameras of one size, side by side, with the principal point off the middle of the image."""
     cameras = []
     for shift in (0.0, 0.25):
         pose = torch.eye(4)

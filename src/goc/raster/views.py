@@ -1,4 +1,4 @@
-"""Several views of one raster, drawn in one call, and what a training step blends into them."""
+"""Several views of one image size, drawn in one call, and the channels that a training step draws into them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,15 +16,15 @@ from goc.scene.camera import Camera
 from goc.scene.gaussians import Gaussians
 
 COMPILED_WIDTHS = (1, 2, 3, 4, 5, 8, 9, 16, 17, 32)
-"""Channels a call that gsplat has kernels for (1.5.3); others it pads by copying all channels of all splats."""
+"""Numbers of channels that gsplat 1.5.3 has kernels for. For others it copies all channels to pad them."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Views:
-    """Cameras of one image size, their numbers stacked on the device that draws."""
+    """Cameras of one image size, with their matrices stacked on the device that draws."""
 
     cameras: tuple[Camera, ...]
-    """Wherever they were before."""
+    """The given cameras, on the device where they were."""
     cam_from_world: Float[Tensor, "v 4 4"]
     intrinsics: Float[Tensor, "v 3 3"]
     """K: pixel (0, 0) is centred at (0.5, 0.5)."""
@@ -36,32 +36,32 @@ class Views:
 
     @property
     def focal_px(self) -> Float[Tensor, "v 2"]:
-        """Of each view."""
+        """Focal lengths of each view, pixels."""
         return self.intrinsics.diagonal(dim1=1, dim2=2)[:, :2]
 
     @property
     def centre_px(self) -> Float[Tensor, "v 2"]:
-        """Of each view."""
+        """Principal point of each view, pixels."""
         return self.intrinsics[:, :2, 2]
 
     @property
     def width(self) -> int:
-        """Of every image, pixels."""
+        """Width of every image, pixels."""
         return self.cameras[0].width
 
     @property
     def height(self) -> int:
-        """Of every image, pixels."""
+        """Height of every image, pixels."""
         return self.cameras[0].height
 
     @property
     def eyes(self) -> Float[Tensor, "v 3"]:
-        """Centres of projection, world."""
+        """Centre of projection of each view, world."""
         return -torch.einsum("vji,vj->vi", self.cam_from_world[:, :3, :3], self.cam_from_world[:, :3, 3])
 
     @property
     def rays(self) -> tuple[Float[Tensor, "v 1 w"], Float[Tensor, "v h 1"]]:
-        """K⁻¹p of pixel centres is (x, y, 1): x of each column and y of each row."""
+        """Rays (x, y, 1) = K⁻¹p of pixel centres, camera axes, as x of each column and y of each row."""
         device = self.intrinsics.device
         focal, centre = self.focal_px[:, None], self.centre_px[:, None]
         x = (torch.arange(self.width, device=device) + 0.5 - centre[..., 0]) / focal[..., 0]
@@ -82,7 +82,7 @@ def views_of(cameras: Sequence[Camera], device: torch.device) -> Views:
 
 
 def joined_views(parts: Sequence[Views]) -> Views:
-    """All views of the parts, in order; their numbers stay on their device."""
+    """Join the views of all parts in order; they have to be on one device."""
     if len(parts) == 1:
         return parts[0]
     return Views(
@@ -93,15 +93,15 @@ def joined_views(parts: Sequence[Views]) -> Views:
 
 
 def compiled_width(count: int) -> int:
-    """The fewest channels, at least `count`, that gsplat has a kernel for; 32 and more go in passes of 32."""
+    """Smallest number of channels, at least `count`, that gsplat has a kernel for; above 32, a multiple of 32."""
     return next((width for width in COMPILED_WIDTHS if width >= count), -(-count // 32) * 32)
 
 
 def view_channels(gaussians: Gaussians, views: Views, planes: bool) -> Float[Tensor, "v n c"]:
-    """Colour (3), planes (4) or z of the centres (1), then features, of each splat for each view; differentiable.
+    """Channels of each splat for each view: colour (3), plane (4) or z of the centre (1), features; differentiable.
 
-    As `colours_towards`, `plane_channels` and `centre_depths` say of one camera: their twin in the tests. Zeros follow
-    up to a width that gsplat has compiled, so that it need not copy them all to pad.
+    `colours_towards`, `plane_channels` and `centre_depths` do the same for one camera. Zeros follow up to
+    `compiled_width`, so that gsplat need not copy all channels to pad them.
     """
     rotations, shifts = views.cam_from_world[:, :3, :3], views.cam_from_world[:, :3, 3]
     centres = torch.einsum("vij,nj->vni", rotations, gaussians.means) + shifts[:, None]
@@ -111,7 +111,7 @@ def view_channels(gaussians: Gaussians, views: Views, planes: bool) -> Float[Ten
         thinnest = (gaussians.log_scales.argmin(-1, keepdim=True) == axes).to(centres.dtype)
         normals = torch.einsum("vij,nj->vni", rotations, rotated(gaussians.quats, thinnest))
         distances = (normals * centres).sum(-1, keepdim=True)
-        # A plane before the camera that faces it has n·centre < 0.
+        # The normal of a plane in front of the camera that faces it has n·centre < 0.
         sign = torch.where(distances > 0, -1.0, 1.0)
         parts += [normals * sign, distances * sign]
     else:
@@ -124,7 +124,7 @@ def view_channels(gaussians: Gaussians, views: Views, planes: bool) -> Float[Ten
 
 
 def _colours(gaussians: Gaussians, eyes: Float[Tensor, "v 3"]) -> Float[Tensor, "v n 3"]:
-    """Colour towards each view, max(0, 0.5 + Σ sh·Y); no gradient reaches the means."""
+    """Colour seen from each view, max(0, 0.5 + Σ sh·Y); no gradient reaches the means."""
     if gaussians.sh_degree == 0:
         return (0.5 + BAND_0 * gaussians.sh[:, 0]).clamp_min(0.0).expand(len(eyes), -1, -1)
     directions = torch.nn.functional.normalize(gaussians.means.detach() - eyes[:, None], dim=-1)

@@ -12,9 +12,9 @@ class Multiview(Settings):
     """Which views L_pho and L_geo compare, and when."""
 
     start: Share = 0.2
-    """First comparison, as a share of all steps: depths have to mean something."""
+    """First comparison, as a share of all steps, since early depths are too rough to compare."""
     neighbours: Count = 4
-    """Most neighbours of a view; each step draws one of them. The weights of the losses switch the comparison off."""
+    """Most neighbours of a view; each step draws one of them. Loss weights of 0 switch the comparison off."""
     max_angle_deg: Annotated[float, Range(above=0, most=180)] = 35.0
     """Largest angle between the viewing directions of neighbours."""
     min_baseline: Amount = 0.05
@@ -43,7 +43,7 @@ class Monocular(Settings):
 
     refresh_every: CountOrNone = 0
     """Epochs between fits of a view's scale and offset to the depth of the splats, as the paper has it. 0: only views
-    that could not be aligned at the start are fitted, once. Splats that follow what follows them drift."""
+    that could not be aligned at the start are fitted, once. With more, splats and depth can drift together."""
     smoothing: Share = 0.5
     """Share of the old scale and offset that a new fit leaves."""
 

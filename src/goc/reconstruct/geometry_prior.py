@@ -1,4 +1,4 @@
-"""What a view's geometry is compared with: its depth, and the normals of that depth."""
+"""Depth and normals of a view, which the geometry losses compare rendered depth with."""
 
 from collections.abc import Callable
 
@@ -17,11 +17,11 @@ from goc.scene.capture import Capture
 _CACHE_BYTES = 256 * 2**20
 
 ViewPrior = Callable[[int, dict[str, Tensor], RenderedDepth, int], GeometryPrior | None]
-"""Of a view, what is remembered of views (an alignment may be refreshed in place), its rendered depth, the epoch."""
+"""Arguments: index of the view, `State.views` (alignments in it may be refreshed in place), rendered depth, epoch."""
 
 
 def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) -> ViewPrior:
-    """Depth and normals of each view, on demand; None where a view has neither.
+    """Make a function that returns depth and normals of a view; None where a view has neither.
 
     Normals come from the capture where it has them, else from planes fitted to the depth, in windows that grow with
     the depth's noise. Monocular depth is aligned first.
@@ -49,9 +49,9 @@ def geometry_priors(capture: Capture, with_normals: bool, monocular: Monocular) 
 
 
 class FittedNormals:
-    """Keeps normals as signed bytes (0.4° steps) within a budget: fitting takes longer than half a step.
+    """Cache of fitted normals as signed bytes (steps of 0.4°), because fitting takes longer than half a training step.
 
-    Views that came first stay, as in the capture's own cache: steps go through all views before one comes again.
+    The first views stay when the budget is used up: steps visit all views in turn, so newer ones are no better.
     """
 
     def __init__(self, budget: int = _CACHE_BYTES) -> None:
@@ -60,7 +60,7 @@ class FittedNormals:
         self._kept: dict[int, tuple[float, Tensor]] = {}
 
     def __call__(self, view: int, shape: float, depth: Float[Tensor, "h w"], camera: Camera) -> Int8[Tensor, "h w 3"]:
-        """Normals of a view's depth, 0 0 0 = none; `shape` tells depths of one view apart."""
+        """Normals of a view's depth, camera axes, times 127; 0 0 0 = none. They are fitted again if `shape` changes."""
         if view in self._kept and self._kept[view][0] == shape:
             return self._kept[view][1]
         fitted = fitted_normals(depth, camera, fitting_radius(depth, camera))

@@ -1,4 +1,4 @@
-"""What optimisation changes: parameters, Adam's moments and the step; and how it is kept on disk."""
+"""State of an optimisation (parameters, Adam's moments, step number), and its checkpoints on disk."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,21 +11,21 @@ from goc.files import read_tensors, write_tensors
 from goc.scene.gaussians import Gaussians
 
 _SHARED = "classifier."
-"""Prefix of parameters that have no row a splat."""
+"""Prefix of the names of parameters that all splats share."""
 
 
 @dataclass(eq=False)
 class State:
-    """Mutable; lives inside one optimisation and leaves it as Gaussians."""
+    """Mutable state of one optimisation; its result is read with `gaussians`."""
 
     parameters: dict[str, Tensor]
-    """Per splat, as in Gaussians: means, quats, log_scales, opacity_logits, sh, identity.
-    Shared: those that start with "classifier."."""
+    """By name. One row a splat, as in Gaussians: means, quats, log_scales, opacity_logits, sh, identity.
+    Shared by all splats: names that start with "classifier."."""
     first: dict[str, Tensor]
     second: dict[str, Tensor]
     step: int = 0
     views: dict[str, Tensor] = field(default_factory=dict)
-    """What is remembered of views from one step to a later one; kept in checkpoints, never optimised."""
+    """Tensors about views that later steps read, by name. Checkpoints keep them; they are not optimised."""
 
     @property
     def per_splat(self) -> list[str]:
@@ -34,12 +34,12 @@ class State:
 
     @property
     def splats(self) -> int:
-        """How many splats there are."""
+        """Number of splats."""
         return len(self.parameters["means"])
 
     @property
     def shared(self) -> dict[str, Tensor]:
-        """Parameters of the classifier, by their names there; empty when labels are voted."""
+        """Parameters of the classifier, by their names in it; empty when labels are voted."""
         return {
             name.removeprefix(_SHARED): self.parameters[name] for name in self.parameters if name.startswith(_SHARED)
         }
@@ -57,13 +57,13 @@ class State:
         )
 
     def to(self, device: torch.device) -> "State":
-        """The same state with what is optimised on a device; what is remembered of views stays where it is."""
+        """Return the state with parameters and moments on a device; `views` stays where it is."""
         parameters = {name: value.detach().to(device).requires_grad_() for name, value in self.parameters.items()}
         first, second = ({name: value.to(device) for name, value in m.items()} for m in (self.first, self.second))
         return State(parameters=parameters, first=first, second=second, step=self.step, views=self.views)
 
     def resize(self, source: Tensor) -> None:
-        """Make row i of every per-splat parameter what row source[i] was; moments start from zero for copies."""
+        """Set row i of every per-splat parameter to row source[i]. Moments of added rows are zero."""
         kept = len(self.parameters["means"])
         for name in self.per_splat:
             rows = self.parameters[name].detach()[source].contiguous()
@@ -81,7 +81,7 @@ class State:
 
 
 def initial_state(gaussians: Gaussians, shared: dict[str, Tensor]) -> State:
-    """Optimisation of the given splats and shared parameters, from step 0."""
+    """State at step 0 from splats and shared parameters, which are copied; all moments are zero."""
     parameters = {
         "means": gaussians.means,
         "quats": gaussians.quats,
@@ -98,7 +98,7 @@ def initial_state(gaussians: Gaussians, shared: dict[str, Tensor]) -> State:
 
 
 def save_checkpoint(path: Path, state: State, fingerprint: str) -> None:
-    """Write everything the next step depends on, atomically; randomness depends on the step alone."""
+    """Write the whole state atomically. Random numbers need no state: they depend on seed and step alone."""
     tensors = {}
     for kind in ("parameters", "first", "second", "views"):
         tensors |= {f"{kind}/{name}": value.detach().cpu() for name, value in getattr(state, kind).items()}
@@ -106,10 +106,10 @@ def save_checkpoint(path: Path, state: State, fingerprint: str) -> None:
 
 
 def load_checkpoint(path: Path, fingerprint: str) -> State:
-    """Read a checkpoint of the same capture and settings.
+    """Read a checkpoint, whose fingerprint of capture and settings has to match.
 
     Raises:
-        ReconstructError: it was made with other settings, or lacks a tensor.
+        ReconstructError: the fingerprint differs, or a tensor is missing.
     """
     tensors, metadata = read_tensors(path)
     if metadata.get("fingerprint") != fingerprint:

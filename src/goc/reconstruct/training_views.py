@@ -1,4 +1,4 @@
-"""The training views where they are rendered: on the processor as they are; on a device uploaded, once or ahead."""
+"""The training views on the device that renders them: decoded on the CPU; on a GPU uploaded once or ahead."""
 
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -16,34 +16,34 @@ from goc.reconstruct.monocular import ALIGNMENT
 from goc.reconstruct.task import Task
 
 _SHARE = 0.5
-"""Of the device's free memory that views may take at the start of a run; splats and images need the rest."""
+"""Share of the device's memory, free at the start of a run, that views may take; splats and images need the rest."""
 _NOTHING = RenderedDepth(numerator=torch.zeros(1, 1, 1), denominator=torch.zeros(1, 1, 1), alpha=torch.zeros(1, 1, 1))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class TrainingView:
-    """One view, where it is rendered."""
+    """One training view with its tensors on the device that renders it."""
 
     index: int
-    """In the capture."""
+    """Number of the view in the capture."""
     views: Views
-    """This one alone."""
+    """The camera of this view, as one view."""
     image: UInt8[Tensor, "h w 3"]
     ids: Int16[Tensor, "h w"] | None
     prior: GeometryPrior | None
-    """None where the view has none, or none yet."""
+    """Depth and normals to compare with; None where the view has none, or where they are made later (`waits`)."""
     waits: bool
-    """The prior is asked for when the view is rendered: it may depend on what the splats show."""
+    """The prior is made after the view is rendered, because it may depend on the depth of the splats."""
 
 
 class HostViews:
-    """Views on the processor: frames of the capture, whose cache keeps them; priors are made view by view.
+    """Views on the CPU: frames of the capture, whose cache keeps them. Priors are made when a view is rendered.
 
-    `remembered` is `State.views` throughout.
+    `remembered` is `State.views` in every method.
     """
 
     def __init__(self, task: Task) -> None:
-        """Of a task's capture."""
+        """Take the views from the capture of `task`."""
         self._task = task
         self._posed: dict[int, Views] = {}
 
@@ -54,7 +54,7 @@ class HostViews:
         pass
 
     def get(self, view: int, remembered: dict[str, Tensor]) -> TrainingView:
-        """A view, decoded."""
+        """Decode a view, or take it from the capture's cache."""
         frame = self._task.capture[view]
         if view not in self._posed:
             self._posed[view] = views_of([frame.camera], CPU)
@@ -63,20 +63,20 @@ class HostViews:
         )
 
     def prefetch(self, wanted: Sequence[int], remembered: dict[str, Tensor]) -> None:
-        """Nothing: a view is at hand."""
+        """Do nothing: the capture decodes views when they are asked for."""
 
     def prior(
         self, item: TrainingView, remembered: dict[str, Tensor], shown: RenderedDepth, epoch: int
     ) -> GeometryPrior | None:
-        """Made now, or kept from before."""
+        """Make the prior of a view from its rendered depth `shown`; None where the view has no depth and no normals."""
         return self._task.prior(item.index, remembered, shown, epoch)
 
 
 class UploadedViews:
-    """As `HostViews`, on a device; a worker thread decodes, makes priors and copies while the device computes."""
+    """Views on a device, used like `HostViews`. A worker thread decodes, makes priors and uploads while it computes."""
 
     def __init__(self, task: Task, device: torch.device) -> None:
-        """Of a task's capture, on a device."""
+        """Upload the views of the capture of `task` to `device`."""
         self._task, self._device = task, device
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="goc-upload")
         self._stream = torch.cuda.Stream(device) if device.type == "cuda" else None
@@ -91,13 +91,13 @@ class UploadedViews:
         self._worker.shutdown(cancel_futures=True)
 
     def prefetch(self, wanted: Sequence[int], remembered: dict[str, Tensor]) -> None:
-        """Begin to bring views that a later step asks for."""
+        """Start to upload views that a later step needs."""
         for view in wanted:
             if view not in self._kept and view not in self._coming:
                 self._coming[view] = self._worker.submit(self._upload, view, remembered)
 
     def get(self, view: int, remembered: dict[str, Tensor]) -> TrainingView:
-        """A view, kept while there is room for it and its prior does not change."""
+        """Return a view on the device. It is kept there if it fits and its prior does not change."""
         if view in self._kept:
             return self._kept[view]
         self.prefetch([view], remembered)
@@ -116,7 +116,7 @@ class UploadedViews:
     def prior(
         self, item: TrainingView, remembered: dict[str, Tensor], shown: RenderedDepth, epoch: int
     ) -> GeometryPrior | None:
-        """The one that came along; or one fitted on the processor to what the view shows: waits for the device."""
+        """Return the uploaded prior, or fit one on the CPU to the rendered depth `shown`, waiting for the device."""
         if not item.waits:
             return item.prior
         seen = RenderedDepth(**{part.name: getattr(shown, part.name).detach().cpu() for part in fields(shown)})
@@ -146,14 +146,14 @@ class UploadedViews:
         )
 
     def _waits(self, view: int, remembered: dict[str, Tensor]) -> bool:
-        """Whether a view's monocular depth is to be fitted to what the splats show of it."""
+        """Whether a view's monocular depth has to be fitted to the rendered depth of the splats."""
         if ALIGNMENT not in remembered:
             return False
         fitted = torch.isfinite(remembered[ALIGNMENT][view, SCALE]).item()
         return not fitted or self._task.config.losses.monocular.refresh_every > 0
 
     def _copied(self, tensor: Tensor) -> Tensor:
-        """On the device, from pinned memory on a stream of its own."""
+        """Copy a tensor to the device from pinned memory, on the upload stream."""
         if self._stream is None:
             return tensor
         with torch.cuda.stream(self._stream):
@@ -170,5 +170,5 @@ TrainingViews = HostViews | UploadedViews
 
 
 def training_views(task: Task, engine: Engine) -> TrainingViews:
-    """The views of a task for an engine."""
+    """Choose where the views of a task are kept for an engine: on the CPU, or uploaded to its device."""
     return HostViews(task) if engine.fused else UploadedViews(task, engine.device)

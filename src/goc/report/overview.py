@@ -1,4 +1,4 @@
-"""overview.png: one look tells whether a run worked."""
+"""overview.png: views, depth, ids, the scene and its objects in one picture, to judge a run by."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -22,22 +22,22 @@ _WIDTH, _MARGIN, _GAP = 1720, 40, 12
 _INNER = _WIDTH - 2 * _MARGIN
 _TITLE_PX, _TEXT_PX, _SMALL_PX = 34, 19, 16
 _ACROSS = 6
-"""Tiles in a row; the scene takes four of them, as a square."""
+"""Tiles in a row; the scene takes a square of four."""
 _TILE = (_INNER - (_ACROSS - 1) * _GAP) // _ACROSS
 _CAPTION = 56
 _ID_SHARE = 0.65
-"""Of an id's colour in the ids column; the rest is the render's grey, so that shapes stay readable."""
+"""Share of an id's colour in the ids column; the rest is the grey of the render, so that shapes stay visible."""
 _CANDIDATES = 40
-"""Views looked at when those to show are chosen."""
+"""Number of views among which those to show are chosen."""
 _EASY = 0.02
-"""Share of a picture from which on an object is easily seen."""
+"""Share of a picture from which on a larger object is seen no better."""
 _WARNINGS_SHOWN = 4
 _NOTHING = Mesh(vertices=np.zeros((0, 3), np.float32), faces=np.zeros((0, 3), np.int32))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Row:
-    """One view, four times."""
+    """One view as photograph, render, depth and ids."""
 
     name: str
     psnr_db: float
@@ -61,11 +61,11 @@ def draw_overview(scene: Scene, views: Capture, title: str, count: int, run: Run
     """Real views beside renders, depth and ids; the scene; and every object from its own best angle, with its name.
 
     Args:
-        scene: what came out.
+        scene: the result of the run.
         views: photographs with the splats' depth and ids (`rendered_views`).
-        title: what the capture is called.
-        count: views to show; fewer where there are fewer.
-        run: its warnings are shown; hears one Progress a picture.
+        title: name of the capture.
+        count: number of views to show, or all if there are fewer.
+        run: its warnings are shown; it is notified of one Progress for each picture.
     """
     chosen = choose_views(views, count)
     total = len(chosen) + 1 + len(scene.objects)
@@ -89,7 +89,7 @@ def draw_overview(scene: Scene, views: Capture, title: str, count: int, run: Run
 
 
 def choose_views(views: Capture, count: int) -> list[int]:
-    """Views that together show most objects, ascending: each adds most that the others do not show, largest first."""
+    """Indices of views that together show most objects, ascending. Each choice adds most to those made before."""
     candidates = sorted({round(place) for place in np.linspace(0, len(views) - 1, min(_CANDIDATES, len(views)))})
     areas = {index: _areas(views, index) for index in candidates}
     best: dict[int, float] = {}
@@ -97,7 +97,7 @@ def choose_views(views: Capture, count: int) -> list[int]:
     for _ in range(min(count, len(candidates))):
         left = [index for index in candidates if index not in chosen]
         gains = [sum(max(0.0, area - best.get(i, 0.0)) for i, area in areas[index].items()) for index in left]
-        # Where nothing is gained any more, the view in the middle of the widest gap.
+        # If no view adds anything, take the one in the middle of the widest gap.
         pick = left[int(np.argmax(gains))] if max(gains) > 0 else max(left, key=lambda index: _apart(index, chosen))
         chosen.append(pick)
         for number, area in areas[pick].items():
@@ -106,7 +106,7 @@ def choose_views(views: Capture, count: int) -> list[int]:
 
 
 def _areas(views: Capture, index: int) -> dict[int, float]:
-    """How large each object is in a view: the root of its share, up to where it is easily seen."""
+    """Size of each object in a view by id: the square root of its share of the pixels, which is capped at `_EASY`."""
     ids = views[index].ids
     if ids is None:
         return {}

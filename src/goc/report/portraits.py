@@ -1,4 +1,4 @@
-"""Pictures of meshes: each from its own best angle, lit, on a neutral ground."""
+"""Shaded pictures of meshes on a plain ground, each from the direction that shows it best."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,26 +13,26 @@ from goc.scene import Camera, Mesh
 
 _SUPERSAMPLE = 2
 _FOCAL = 2.4
-"""Focal length over picture width: a mild tele, as for product photographs."""
+"""Focal length over picture width: a short telephoto lens, as for product photographs."""
 _GROUND = np.array([241.0, 241.0, 238.0])
 _INSIDE = np.array([118.0, 128.0, 148.0])
-"""The inside of an open surface: nobody measured the outside there."""
+"""Colour of the inside of an open surface, whose outside was not measured."""
 _NO_COLOUR = 170.0
 _LIFT = 26.0
-"""Black things are drawn this bright, so that their shape shows."""
+"""Grey level of black surfaces, so that their shape is visible."""
 _SKY_RAYS = 6
 _REACH, _ROOM_REACH = 0.6, 0.12
-"""Nearer than this, in radii, surfaces take light from each other."""
+"""Distance in radii up to which surfaces darken each other, for objects and for rooms."""
 _AZIMUTHS, _ELEVATIONS = 16, (0.35, 0.75)
 _TRIAL_PX = 40
 
 Paint = Callable[[Float64[np.ndarray, "n 3"]], Float64[np.ndarray, "n 3"]]
-"""Colours of points on a surface, 0 … 255."""
+"""Returns the colours, 0 to 255, of n points on a surface."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Subject:
-    """A mesh ready to be looked at."""
+    """A mesh with all that is needed to draw it."""
 
     scene: TriangleScene
     face_normals: Float64[np.ndarray, "t 3"]
@@ -42,28 +42,28 @@ class _Subject:
     radius: float
     up: Float64[np.ndarray, "3"]
     reach: float
-    """How far surfaces darken each other."""
+    """Distance up to which surfaces darken each other, in the units of the mesh."""
     paint: Paint | None = None
-    """Colours in place of the vertices'; the inside then keeps half of them."""
+    """Replaces the colours of the vertices; the inside is then mixed half and half with slate blue."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Sight:
-    """What the rays of one picture met."""
+    """The rays of one picture and what they hit."""
 
     origins: Float64[np.ndarray, "n 3"]
     rays: Float64[np.ndarray, "n 3"]
     hits: RayHits
     inside: Bool[np.ndarray, "n"]
-    """Rays that met the back of a face."""
+    """Whether a ray hit the back of a face."""
 
 
 def portrait(mesh: Mesh, up: Float[np.ndarray, "3"], size: int) -> UInt8[np.ndarray, "size size 3"]:
-    """Picture a mesh from where most of its outside shows, slightly from above.
+    """Draw a mesh from slightly above, from the direction that shows most of its outside.
 
     Args:
         mesh: any frame; open surfaces show their inside in slate blue. Without colours it is grey.
-        up: unit, the mesh's frame.
+        up: unit vector in the mesh's frame.
         size: width and height, pixels.
     """
     picture = np.tile(_GROUND, (size * size, 1))
@@ -75,7 +75,7 @@ def portrait(mesh: Mesh, up: Float[np.ndarray, "3"], size: int) -> UInt8[np.ndar
 
 
 def dollhouse(mesh: Mesh, up: Float[np.ndarray, "3"], size: int) -> UInt8[np.ndarray, "size size 3"]:
-    """Picture a room from above and outside; faces seen from behind (near walls, ceiling) are looked through."""
+    """Draw a room from above and outside; faces seen from behind (near walls, ceiling) are left out."""
     subject = _subject(mesh, up, _ROOM_REACH)
     directions = [towards for towards in _directions(up) if towards @ up > np.sin(0.5)]
     direction = max(directions, key=lambda towards: _variety(subject, towards))
@@ -85,15 +85,15 @@ def dollhouse(mesh: Mesh, up: Float[np.ndarray, "3"], size: int) -> UInt8[np.nda
 def turntable(
     mesh: Mesh, up: Float[np.ndarray, "3"], size: int, around: Mesh, paint: Paint | None = None, count: int = 3
 ) -> list[UInt8[np.ndarray, "size size 3"]]:
-    """Picture a mesh from several sides as if `around` stood in its place: two meshes so pictured compare by pixel.
+    """Draw a mesh from several sides with cameras placed for `around`, so that pictures of two meshes match by pixel.
 
     Args:
         mesh: any frame.
-        up: unit, the mesh's frame.
+        up: unit vector in the mesh's frame.
         size: width and height, pixels.
-        around: decides where the camera stands and how far off; the first picture is from its best angle.
+        around: the mesh that direction and distance of the cameras are chosen for.
         paint: colours of points on the surface, in place of the vertices'.
-        count: sides, evenly spaced.
+        count: number of sides, evenly spaced about up.
     """
     framed = _subject(around, up, _REACH)
     first = max(_directions(up), key=lambda towards: _outside_seen(framed, towards))
@@ -105,7 +105,7 @@ def turntable(
 
 
 def _turned(towards: Float64[np.ndarray, "3"], up: Float64[np.ndarray, "3"], angle: float) -> Float64[np.ndarray, "3"]:
-    """A direction turned about the vertical (Rodrigues)."""
+    """Rotate a direction about up (Rodrigues' formula)."""
     return np.cos(angle) * towards + np.sin(angle) * np.cross(up, towards) + (1 - np.cos(angle)) * (up @ towards) * up
 
 
@@ -134,7 +134,7 @@ def _subject(mesh: Mesh, up: Float[np.ndarray, "3"], reach: float) -> _Subject:
 
 
 def _directions(up: Float[np.ndarray, "3"]) -> list[Float64[np.ndarray, "3"]]:
-    """Unit vectors from the subject towards candidate eyes."""
+    """Unit vectors from the subject towards the cameras that are tried."""
     east, north = _horizontal(np.asarray(up, np.float64))
     found = []
     for elevation in _ELEVATIONS:
@@ -151,7 +151,7 @@ def _horizontal(up: Float64[np.ndarray, "3"]) -> tuple[Float64[np.ndarray, "3"],
 
 
 def _look(subject: _Subject, towards: Float64[np.ndarray, "3"], size: int, through: bool) -> _Sight:
-    """Cast the rays of a square picture; `through` goes on behind faces seen from the back."""
+    """Cast the rays of a square picture; with `through`, rays go on behind faces that are seen from the back."""
     eye = subject.centre + towards * subject.radius * (2 * _FOCAL + 0.3)
     right = _unit(np.cross(subject.up, towards)[None])[0]
     pose = np.eye(4)
@@ -178,18 +178,18 @@ def _look(subject: _Subject, towards: Float64[np.ndarray, "3"], size: int, throu
 
 
 def _from_inside(subject: _Subject, rays: Float64[np.ndarray, "n 3"], hits: RayHits) -> Bool[np.ndarray, "n"]:
-    """Rays that met the back of a face; without faces met the last one's normal is looked at, and does not count."""
+    """Whether each ray hit the back of a face; False for rays that hit nothing."""
     return hits.found & (np.einsum("ij,ij->i", subject.face_normals[hits.triangle], rays) > 0)
 
 
 def _outside_seen(subject: _Subject, towards: Float64[np.ndarray, "3"]) -> float:
-    """Share of the picture that shows the outside, less what shows the inside."""
+    """Share of the picture that shows the outside, less twice the share that shows the inside."""
     sight = _look(subject, towards, _TRIAL_PX, through=False)
     return float((sight.hits.found & ~sight.inside).mean() - 2.0 * sight.inside.mean())
 
 
 def _variety(subject: _Subject, towards: Float64[np.ndarray, "3"]) -> float:
-    """Number of different faces in the picture: a view into a room beats one onto its walls."""
+    """Number of different faces in the picture, which is larger for a view into a room than for one onto its walls."""
     sight = _look(subject, towards, _TRIAL_PX, through=True)
     return float(len(np.unique(sight.hits.triangle)))
 
@@ -212,7 +212,7 @@ def _picture(
 def _lit(
     subject: _Subject, sight: _Sight, seen: np.ndarray, towards: Float64[np.ndarray, "3"]
 ) -> Float64[np.ndarray, "n 3"]:
-    """Colour times a soft key light, a fill light and the share of open sky."""
+    """Colours of the hit points under a soft key light, a fill light and ambient light from the open sky."""
     corners = subject.scene.faces[sight.hits.triangle[seen]]
     weights = sight.hits.barycentrics[seen][..., None]
     normals = _unit((subject.normals[corners] * weights).sum(1))
@@ -240,7 +240,7 @@ def _open_sky(
     free = np.zeros(len(points))
     starts = points + normals * 2e-3 * subject.radius
     for step in range(_SKY_RAYS):
-        # A stratum of the disc a pass, turned at random a pixel: little noise from few rays.
+        # Each pass samples one stratum of the disc, at a random angle for each pixel: little noise from few rays.
         angle = random.random(len(points)) * 2 * np.pi
         height = np.sqrt((step + random.random(len(points))) / _SKY_RAYS)
         ball = np.stack([np.cos(angle) * np.sqrt(1 - height**2), np.sin(angle) * np.sqrt(1 - height**2), height], 1)
@@ -250,7 +250,7 @@ def _open_sky(
 
 
 def _around(normals: Float64[np.ndarray, "n 3"], local: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
-    """Vectors given in frames whose z axes are the normals (branchless basis, Duff et al. 2017)."""
+    """Rotate local vectors into frames whose z axes are the normals (branchless basis, Duff et al. 2017)."""
     x, y, z = normals.T
     sign = np.where(z >= 0, 1.0, -1.0)
     a = -1.0 / (sign + z)
@@ -261,7 +261,7 @@ def _around(normals: Float64[np.ndarray, "n 3"], local: Float64[np.ndarray, "n 3
 
 
 def _shadow(subject: _Subject, sight: _Sight, missed: np.ndarray) -> Float64[np.ndarray, "n"]:
-    """How much of the sky the subject hides from the ground under each ray, 0 to 1."""
+    """Share of the sky, 0 to 1, that the subject hides from the point where each ray meets the ground."""
     used = subject.scene.vertices[np.unique(subject.scene.faces)] @ subject.up
     rays = sight.rays[missed]
     slope = rays @ subject.up

@@ -1,4 +1,4 @@
-"""report.json: what came out of a run, of what, how, on what."""
+"""report.json: input, results, settings, times and machine of a run."""
 
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -19,41 +19,41 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
 VERSION = 1
-"""Of report.json's schema. Raise it whenever a field goes or changes its meaning."""
+"""Version of the schema of report.json. Raise it whenever a field is removed or changes its meaning."""
 
 Vector = tuple[float, float, float]
 Row = tuple[float, float, float, float]
 
 
 class CaptureFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What went in."""
+    """The capture that was carved."""
 
     path: str
     views: int
     width: int
     height: int
-    """Of the first view, pixels."""
+    """Width and height of the first view, pixels."""
     has_depth: bool
     depth_kind: DepthKind
-    """Of the depth, where there is any: metric, or monocular (affine, inverse)."""
+    """Meaning of the depth, where there is any: metric, or monocular (affine, inverse)."""
     has_ids: bool
     units_per_metre: float
     """Scene units in one metre."""
     metric: bool
-    """The unit is known, not guessed: lengths below deserve their names."""
+    """Whether the unit is known; if it is guessed, so are all lengths in metres below."""
 
 
 class WorldFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Which way is up, and what turns the capture's world into the frame of exports."""
+    """Up and the floor, and the transform from the capture's world to the frame of exports."""
 
     up: Vector
-    """Unit, in the world of the capture."""
+    """Unit vector in the world of the capture."""
     floor: float
     """Height of the floor along up, scene units."""
     confidence: float
-    """0…1: how sure both are."""
+    """Confidence in up and floor together, 0 to 1."""
     level_from_world: tuple[Row, Row, Row, Row]
-    """Row by row: capture's world to right-handed, z up, metres, floor at z = 0; GLB holds (x, z, -y) of that."""
+    """Rows of the transform from the capture's world to metres, z up, floor at z = 0; GLB holds (x, z, -y) of it."""
 
 
 class SurfaceFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -74,7 +74,7 @@ class CompletionFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     vertices: int
     faces: int
     completed_share: float
-    """Share of its area that nobody measured: between vertices that were filled in."""
+    """Share of its area that was filled in and not measured."""
     watertight: bool
     """Checked: every edge on exactly two faces, consistent winding, no face without area, positive volume."""
     volume_m3: float
@@ -87,13 +87,13 @@ class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields
     id: int
     label: str
     observed_share: float
-    """Share of the vertices that some camera measured well."""
+    """Share of the vertices that at least one camera measured well."""
     completion: CompletionFacts | None
     """Null where the object was not completed."""
 
 
 class WarningFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """Something that did not stop the run."""
+    """A warning, which did not stop the run."""
 
     stage: str
     message: str
@@ -104,23 +104,23 @@ class Report(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=Tr
 
     schema: int
     goc: str
-    """Version."""
+    """Version of goc that wrote it."""
     created: str
     """UTC, ISO 8601."""
     capture: CaptureFacts
     metrics: dict[str, float | None]
-    """As the reconstruction measured them; null where a figure is not finite."""
+    """Figures of the reconstruction by name; null where one is not finite."""
     world: WorldFacts
     scene: SurfaceFacts
     objects: list[ObjectFacts]
     warnings: list[WarningFacts]
     seconds: dict[str, float]
-    """Wall clock a stage; a resumed run counts only what it did itself."""
+    """Wall-clock seconds of each stage; a resumed run counts only its own part."""
     peak_memory_mb: float
     machine: Machine
     seed: int
     config: dict[str, Any]
-    """Every setting as it was used."""
+    """Every setting of the run."""
 
 
 def read_report(path: Path) -> Report:
@@ -139,11 +139,11 @@ def write_report(
 
     Args:
         path: the file.
-        source: where the capture came from.
-        capture: as it was read: before ids or depth were added.
-        scene: what came out.
-        record: seconds and warnings.
-        config: resolved settings, with `reconstruct.seed` among them.
+        source: path of the capture.
+        capture: the capture as it was read, before ids or depth were added.
+        scene: the result.
+        record: seconds and warnings of the run.
+        config: all settings, with `reconstruct.seed` among them.
     """
     settings, unit = asdict(config), scene.world.units_per_metre
     report = Report(
@@ -214,7 +214,7 @@ def _completion_facts(solid: FlaggedMesh, units_per_metre: float) -> CompletionF
 
 
 def filled_share(surface: FlaggedMesh) -> float:
-    """Share of a surface's area that nobody measured: that of its faces' corners which were not observed."""
+    """Share of a surface's area that was not measured; each face counts by the share of its corners not observed."""
     areas = face_areas(surface.mesh)
     filled = 1.0 - surface.observed[surface.mesh.faces].mean(axis=1)
     return float((areas * filled).sum() / max(float(areas.sum()), 1e-30))

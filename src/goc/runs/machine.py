@@ -1,4 +1,4 @@
-"""The machine that this runs on, as reports and `goc doctor` tell it."""
+"""Description of this machine for reports and `goc doctor`."""
 
 import os
 import platform
@@ -13,7 +13,7 @@ from goc import _native
 
 
 class Machine(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What decides how fast a run is, and which software it was."""
+    """Hardware and software that a run used."""
 
     system: str
     cpu: str
@@ -24,13 +24,13 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=T
     simd: str
     """Instruction set that the kernels picked."""
     memory_gb: float
-    """Of the machine, or of the container where that is less; GB = 10⁹ bytes."""
+    """Memory of the machine, or of its container if that is less; GB = 10⁹ bytes."""
     python: str
     torch: str
 
 
 def this_machine() -> Machine:
-    """Describe the machine now."""
+    """Describe this machine."""
     return Machine(
         system=f"{platform.system()} {platform.release()} {platform.machine()}",
         cpu=_cpu_name(),
@@ -44,7 +44,7 @@ def this_machine() -> Machine:
 
 
 def peak_memory_mb() -> float:
-    """Most memory that this process ever held, MB = 10⁶ bytes."""
+    """Peak memory of this process, MB = 10⁶ bytes."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak * (1 if sys.platform == "darwin" else 1024) / 1e6
 
@@ -62,7 +62,7 @@ def _memory_bytes() -> int:
 
 
 def _text(path: Path) -> str:
-    """Content of a file that the system may not have."""
+    """Content of a file; empty if it cannot be read, since not every system has it."""
     try:
         return path.read_text()
     except OSError:

@@ -1,4 +1,4 @@
-"""A posed pinhole camera: where points of the world land in its image, and where its pixels look."""
+"""A posed pinhole camera: projection of world points into its image, and rays through its pixels."""
 
 from dataclasses import dataclass, replace
 from typing import Any
@@ -14,7 +14,7 @@ class Camera:
     """A posed pinhole camera: x right, y down, z forward; pixel (0, 0) is centred at (0.5, 0.5).
 
     Points and directions are rows, z is depth along the optical axis, all in scene units. Methods compute in the wider
-    dtype of the camera and what they are given, on the camera's device, and are differentiable in what they are given.
+    dtype of the camera and the argument, on the camera's device, and are differentiable in the argument.
     """
 
     focal_px: Float[Tensor, "2"]
@@ -39,7 +39,7 @@ class Camera:
         return self.world_from_cam[:3, 3]
 
     def to(self, device: torch.device | None = None, dtype: torch.dtype | None = None) -> "Camera":
-        """The same camera with its numbers on a device and in a dtype, None = as they are; itself where they are so."""
+        """Return the camera on a device and in a dtype; None keeps the present one. Copies only what changes."""
         now = self.world_from_cam
         device, dtype = device or now.device, dtype or now.dtype
         if (now.device, now.dtype) == (device, dtype):
@@ -48,35 +48,35 @@ class Camera:
         return replace(self, **moved)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Sent as arrays, and arrives on the processor: of a tensor, torch would send a handle of an open file each."""
+        """Pickle as NumPy arrays and unpickle on the CPU: torch would send an open file handle for each tensor."""
         tensors = (self.focal_px, self.centre_px, self.world_from_cam)
         return _camera_of, (self.width, self.height, *(tensor.detach().cpu().numpy() for tensor in tensors))
 
     def double(self) -> "Camera":
-        """The same camera in float64, for geometry that rounding would decide."""
+        """Return the camera in float64, for geometry that rounding in float32 would change."""
         return self.to(dtype=torch.float64)
 
     def resized(self, width: int, height: int) -> "Camera":
-        """The same view on another pixel raster."""
+        """Return the camera of the same view for an image of another size."""
         scale = torch.tensor([width / self.width, height / self.height], dtype=self.focal_px.dtype)
         return replace(
             self, focal_px=self.focal_px * scale, centre_px=self.centre_px * scale, width=width, height=height
         )
 
     def in_camera(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
-        """World points in camera axes."""
+        """Map world points to camera axes."""
         return _carried(points, self._widened(points).cam_from_world)
 
     def in_world(self, points: Float[Tensor, "*b 3"]) -> Float[Tensor, "*b 3"]:
-        """Points given in camera axes, in the world."""
+        """Map points in camera axes to the world."""
         return _carried(points, self._widened(points).world_from_cam)
 
     def project(self, points: Float[Tensor, "*b 3"]) -> tuple[Float[Tensor, "*b 2"], Float[Tensor, "*b"]]:
-        """Where world points land in the image.
+        """Project world points into the image.
 
         Returns:
-            Pixel coordinates, of points inside the frame as outside, NaN where z is not positive: what is behind the
-            camera, or level with it, has no pixel, and lies inside no frame. Then z, of either sign.
+            Pixel coordinates, also of points outside the frame; NaN where z is not positive, since such a point has no
+            pixel. Then z in scene units, of either sign.
         """
         local = self.in_camera(points)
         z = local[..., 2]
@@ -84,26 +84,26 @@ class Camera:
         return local[..., :2] / ahead[..., None] * self.focal_px + self.centre_px, z
 
     def unproject(self, pixels: Float[Tensor, "*b 2"], z: Float[Tensor, "*b"]) -> Float[Tensor, "*b 3"]:
-        """The world points that are seen at pixel coordinates and z; undoes `project`. NaN where z is."""
+        """Return the world points at pixel coordinates and z, the inverse of `project`; NaN where z is NaN."""
         return self.in_world(self.rays_through(pixels) * z[..., None])
 
     def unproject_depth(self, depth: Float[Tensor, "h w"]) -> Float[Tensor, "h w 3"]:
-        """The world points that a z-depth image of this camera sees at its pixel centres; NaN where depth is."""
+        """Return the world points of a z-depth image at its pixel centres; NaN where depth is NaN."""
         return self.in_world(self.rays() * depth[..., None])
 
     def rays_through(self, pixels: Float[Tensor, "*b 2"]) -> Float[Tensor, "*b 3"]:
-        """K⁻¹p of pixel coordinates, camera axes, z = 1: times z it is the point seen there."""
+        """Rays K⁻¹p through pixel coordinates, camera axes, with z = 1; times a depth z, they are points."""
         return torch.nn.functional.pad((pixels - self.centre_px) / self.focal_px, (0, 1), value=1.0)
 
     def rays(self) -> Float[Tensor, "h w 3"]:
-        """`rays_through` the centre of each pixel."""
+        """Rays through the centre of every pixel, camera axes, with z = 1."""
         shape = (self.height, self.width)
         x = (self._steps(self.width) - self.centre_px[0]) / self.focal_px[0]
         y = (self._steps(self.height) - self.centre_px[1]) / self.focal_px[1]
         return torch.stack([x.expand(shape), y[:, None].expand(shape), torch.ones_like(x).expand(shape)], -1)
 
     def sees(self, points: Float[Tensor, "*b 3"]) -> Bool[Tensor, "*b"]:
-        """Which world points lie before the camera and inside its frame, borders included."""
+        """Tell which world points are in front of the camera and inside its frame, borders included."""
         pixels, _ = self.project(points)
         size = torch.tensor([self.width, self.height], device=pixels.device)
         return ((pixels >= 0) & (pixels <= size)).all(-1)  # False for NaN

@@ -14,12 +14,13 @@ class Gaussians:
     """n splats, parameterised as in 3D Gaussian Splatting (Kerbl et al. 2023), paper §4.1."""
 
     means: Float[Tensor, "n 3"]
-    """World, metres."""
+    """Centres, world, scene units."""
     quats: Float[Tensor, "n 4"]
-    """Rotation world from splat axes, wxyz; any non-zero length."""
+    """Rotations from splat axes to the world as quaternions wxyz of any length but 0."""
     log_scales: Float[Tensor, "n 3"]
-    """Natural logarithm of the standard deviations along the splat's axes, metres."""
+    """Natural logarithms of the standard deviations along the splat's axes, scene units."""
     opacity_logits: Float[Tensor, "n"]
+    """Opacity is the sigmoid of these."""
     sh: Float[Tensor, "n k 3"]
     """Real spherical harmonics of colour, k = (degree + 1)²; colour = 0.5 + Σ sh·Y, sRGB."""
     identity: Float[Tensor, "n f"] | None = None
@@ -34,19 +35,19 @@ class Gaussians:
         return round(self.sh.shape[1] ** 0.5) - 1
 
     def __getitem__(self, index: Tensor) -> "Gaussians":
-        """The splats that a boolean mask or an index tensor selects."""
+        """Select splats with a boolean mask or an index tensor."""
         return self._each(lambda value: value[index])
 
     def to(self, device: torch.device) -> "Gaussians":
-        """The same splats with their numbers on a device."""
+        """Return the splats on a device."""
         return self._each(lambda value: value.to(device))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Sent through the processor and back onto the device: a handle of its memory would die with the sender."""
+        """Pickle through the CPU and unpickle on the device: a handle of device memory would end with the sender."""
         return _on_device, (vars(self._each(lambda value: value.detach().cpu())), self.means.device)
 
     def detached(self) -> "Gaussians":
-        """The same numbers outside any autograd graph."""
+        """Return the splats outside any autograd graph, sharing memory."""
         return self._each(Tensor.detach)
 
     def _each(self, change: Callable[[Tensor], Tensor]) -> "Gaussians":

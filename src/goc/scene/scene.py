@@ -1,4 +1,4 @@
-"""A whole scene: what stages 3 to 6 hand on, and what is read back from disk."""
+"""A whole scene: passed from stage to stage, written to disk, and read back from there."""
 
 from dataclasses import dataclass, field
 
@@ -17,7 +17,7 @@ class Scene:
     """Room and objects, in the capture's world and units."""
 
     splats: Gaussians
-    """All of them, those of objects included."""
+    """All splats of the scene, those of objects included."""
     labels: Int16[Tensor, "n"]
     """Object id of each splat: 0 = room, 1… = objects, UNLABELLED (-1) = never seen."""
     mesh: Mesh
@@ -25,7 +25,8 @@ class Scene:
     objects: tuple[SceneObject, ...]
     """Ascending ids."""
     cameras: dict[str, Camera]
-    """Of every view, by its name."""
+    """Camera of every view, by the name of the view."""
     world: World
+    """Up, floor and units."""
     metrics: dict[str, float] = field(default_factory=dict[str, float])
-    """How the splats were obtained and how well: held-out PSNR in dB, steps."""
+    """Figures of the reconstruction by name, such as steps and held-out PSNR in dB."""

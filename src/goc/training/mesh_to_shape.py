@@ -1,4 +1,4 @@
-"""Turns any mesh into a watertight shape: the sign is exact where the mesh is closed, else virtual views give it."""
+"""Converts any mesh to a watertight shape: the sign is exact if it is closed, else it comes from virtual views."""
 
 from dataclasses import dataclass
 
@@ -18,29 +18,29 @@ from goc.training.watertight_shape import BAND, WatertightShape
 
 _VIEWS, _VIEW_PX = 60, 200
 _SAMPLES = 60_000
-"""Surface samples at which the thickness of a mesh is measured."""
+"""Number of surface samples at which the thickness of a mesh is measured."""
 _HALF_SHEET = 0.6
-"""Half the thickness, in voxels, that single sheets and thinner walls are given: a grid cannot hold less."""
+"""Half the thickness, in voxels, to which sheets and thin walls are thickened, since a grid cannot hold less."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Grid:
-    """Points of a grid round a mesh in the frame of a WatertightShape."""
+    """Points of a grid around a mesh, in the frame of a WatertightShape."""
 
     origin: Float64[np.ndarray, "3"]
     voxel: float
     shape: tuple[int, int, int]
 
     def points(self) -> Float64[np.ndarray, "p 3"]:
-        """All positions, the last axis fastest."""
+        """Positions of all points, with the last axis fastest."""
         return self.origin + self.voxel * np.stack(np.unravel_index(np.arange(np.prod(self.shape)), self.shape), -1)
 
 
 def in_shape_frame(mesh: Mesh) -> Mesh:
-    """The mesh in the frame of a WatertightShape: longest side 1, on z = 0, its box centred over the origin.
+    """Move a mesh to the frame of a WatertightShape: longest side 1, on z = 0, its box centred over the origin.
 
     Raises:
-        ValueError: no extent.
+        ValueError: all vertices are in one place.
     """
     low, high = mesh.vertices.min(0).astype(np.float64), mesh.vertices.max(0).astype(np.float64)
     longest = float((high - low).max())
@@ -51,14 +51,14 @@ def in_shape_frame(mesh: Mesh) -> Mesh:
 
 
 def shape_from_mesh(mesh: Mesh, cells: int) -> tuple[WatertightShape, str]:
-    """Signed distance of a welded mesh, and how its sign was found: "closed" or "carved".
+    """Compute the signed distance of a welded mesh, and tell how its sign was found: "closed" or "carved".
 
-    closed: where the surface winds round, so that overlapping closed pieces unite. carved: inside is what none of 60
-    virtual views sees through. Sheets, and walls thinner than a voxel, get a thickness of 1.2 voxels.
+    closed: inside is where the winding number is not 0, so that overlapping closed pieces unite. carved: inside is
+    where none of 60 virtual views sees through. Sheets and thin walls get a thickness of 1.2 voxels.
 
     Args:
-        mesh: any unit and place, z up.
-        cells: voxels along its longest side.
+        mesh: in any unit and at any place, z up.
+        cells: number of voxels along its longest side.
 
     Raises:
         ValueError: nothing is inside, or the mesh has no extent or no area.
@@ -89,14 +89,14 @@ def shape_from_mesh(mesh: Mesh, cells: int) -> tuple[WatertightShape, str]:
 
 
 def _distance(scene: TriangleScene, points: Float64[np.ndarray, "p 3"], grid: Grid) -> Float32[np.ndarray, "x y z"]:
-    """Distance to the surface, cut off at the band."""
+    """Distance from the grid points to the surface, at most the band."""
     limit = BAND * grid.voxel
     found, _ = scene.nearest(points, limit)
     return np.minimum(found, limit).astype(np.float32).reshape(grid.shape)
 
 
 def _inside_by_views(scene: TriangleScene, mesh: Mesh, grid: Grid) -> Bool[np.ndarray, "x y z"]:
-    """Grid points that no ray of 60 virtual views passes: the fusion of real captures, with views all round."""
+    """Grid points that no ray of 60 virtual views passes, by the same fusion as for real captures."""
     random = np.random.default_rng(0)
     box = (mesh.vertices.min(0).astype(np.float64), mesh.vertices.max(0).astype(np.float64))
     blocks = -(-np.array(grid.shape) // BLOCK)
@@ -129,7 +129,7 @@ def _depth_of(scene: TriangleScene, at: Camera) -> DepthView:
 def _thin_faces(
     scene: TriangleScene, samples: SurfaceSamples, inside: Bool[np.ndarray, "x y z"], grid: Grid, closed: bool
 ) -> Int32[np.ndarray, "_"]:
-    """Faces of sheets, with air on both sides, and of walls whose other side is nearer than the grid can hold."""
+    """Indices of the faces of sheets, with air on both sides, and of walls too thin for the grid."""
     sheet, wall = np.ones(len(samples), bool), np.zeros(len(samples), bool)
     for way in (-1.0, 1.0):
         side = way * samples.normals
@@ -138,7 +138,7 @@ def _thin_faces(
         across = scene.closest_hit(samples.points + 1e-4 * grid.voxel * side, side).t
         middle = samples.points + 0.5 * np.minimum(across, grid.voxel)[:, None] * side
         near = across < 2 * _HALF_SHEET * grid.voxel
-        if closed:  # else a narrow gap of air counts too: nobody could tell
+        if closed:  # in an open mesh, a narrow gap of air cannot be told from a wall
             near[near] = scene.winding(middle[near]) != 0
         wall |= near
     _, face = scene.nearest(samples.points[sheet | wall], grid.voxel)
@@ -146,7 +146,7 @@ def _thin_faces(
 
 
 def _any_corner(inside: Bool[np.ndarray, "x y z"], at: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
-    """Whether any of the eight grid points round each place is inside."""
+    """Whether any of the eight grid points around each place, in voxels, is inside."""
     low = np.clip(np.floor(at), 0, np.array(inside.shape) - 2).astype(int)
     found = np.zeros(len(at), bool)
     for corner in np.ndindex(2, 2, 2):

@@ -1,4 +1,4 @@
-"""`goc osc prepare`: turns folders of meshes of any kind into signed distance grids, stored in shards."""
+"""`goc osc prepare`: converts a folder of meshes to signed distance grids, stored in shards."""
 
 import csv
 import multiprocessing
@@ -23,7 +23,7 @@ from goc.training.library import MANIFEST, STEPS, Manifest, PreparedShape, Skipp
 from goc.training.mesh_to_shape import shape_from_mesh
 
 _SHARD = 32
-"""Shapes a file: some 20 MB, and little to do again after a stop."""
+"""Shapes in a file, about 20 MB; after a stop, at most one file is made again."""
 _TABLE = "objects.csv"
 
 
@@ -34,9 +34,9 @@ class PrepareConfig(Settings):
     cells: Annotated[int, Range(least=8, most=1024)] = 96
     """Voxels along the longest side."""
     seconds: Positive = 60.0
-    """Time a mesh may take before it is given up."""
+    """Longest time for one mesh, seconds; a mesh that takes longer is dropped."""
     workers: Annotated[int, Range(least=1, most=1024)] = 1
-    """Meshes worked on at once, each in a process of its own."""
+    """Meshes prepared at the same time, each in its own process."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -50,7 +50,7 @@ class MeshSource:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Made:
-    """A prepared shape on its way to a shard."""
+    """A prepared shape that is not yet in a shard."""
 
     distance: Int8[np.ndarray, "x y z"]
     origin: tuple[float, float, float]
@@ -59,18 +59,18 @@ class _Made:
 
 
 def prepare(meshes: Path, out: Path, config: PrepareConfig, notify: Listener = ignore) -> Manifest:
-    """Turn every mesh below `meshes` into a signed distance grid in `out`; continue where an earlier run stopped.
+    """Convert every mesh below `meshes` to a signed distance grid in `out`, and continue an earlier run that stopped.
 
-    One mesh that cannot be used never stops the rest: the manifest says what was dropped, and why.
+    A mesh that cannot be used does not stop the run: the manifest lists the dropped meshes with reasons.
 
     Args:
-        meshes: folder; objects.csv in it (columns file, name, split) tells the split, else all are train.
+        meshes: folder; objects.csv in it (columns file, name, split) gives the split, else all are train.
         out: folder for shards and manifest.json.
         config: resolution and limits.
-        notify: hears progress.
+        notify: receives progress.
 
     Raises:
-        TrainError: no meshes there.
+        TrainError: there are no meshes, or objects.csv is wrong.
     """
     sources = find_meshes(meshes)
     path = out / MANIFEST
@@ -94,10 +94,10 @@ def prepare(meshes: Path, out: Path, config: PrepareConfig, notify: Listener = i
 
 
 def find_meshes(folder: Path) -> list[MeshSource]:
-    """All meshes below a folder, or those of its objects.csv, in the order of their names.
+    """List all meshes below a folder, or those of its objects.csv, in the order of their names.
 
     Raises:
-        TrainError: none, or the table names a file that is not there or a split that is neither train nor val.
+        TrainError: there are none, or the table names a missing file or a split other than train and val.
     """
     table = folder / _TABLE
     if is_file(table):
@@ -126,7 +126,7 @@ def _from_table(table: Path) -> list[MeshSource]:
 
 
 def _worked(sources: list[MeshSource], config: PrepareConfig) -> Iterator[tuple[MeshSource, "_Made | str", float]]:
-    """Results as they come: (source, shape or the reason why there is none, seconds)."""
+    """Yield results as they are finished: source, shape or the reason why there is none, and seconds."""
     context = multiprocessing.get_context("spawn")
     waiting, running = list(sources), []
     while waiting or running:
@@ -149,7 +149,7 @@ def _worked(sources: list[MeshSource], config: PrepareConfig) -> Iterator[tuple[
 
 
 class _Worker:
-    """A process that prepares one mesh after the other, and is killed where a mesh takes too long."""
+    """A process that prepares one mesh after the other, and is killed if a mesh takes too long."""
 
     def __init__(self, context: multiprocessing.context.SpawnContext, config: PrepareConfig) -> None:
         self._pipe, theirs = context.Pipe()
@@ -166,7 +166,7 @@ class _Worker:
         self._pipe.send(source)
 
     def result(self, limit: float) -> tuple[MeshSource, "_Made | str", float] | None:
-        """The mesh with its shape, or with the reason why there is none, and seconds; None while it is worked on."""
+        """Return source, shape or the reason why there is none, and seconds; None while it is not finished."""
         source, seconds = self.source, time.monotonic() - self._since
         assert source is not None
         if self._pipe.poll():
@@ -192,7 +192,7 @@ class _Worker:
 
 
 def _work(pipe: Connection, cells: int) -> None:
-    """Main loop of a worker process: receives meshes, sends back shapes, or the reason why there is none."""
+    """Main loop of a worker process: receive meshes, and send back shapes or the reasons why there are none."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     torch.set_num_threads(1)
     _native.set_thread_count(1)
@@ -207,7 +207,7 @@ def _work(pipe: Connection, cells: int) -> None:
             made = str(error)
         try:
             pipe.send(made)
-        except OSError:  # nobody waits any more
+        except OSError:  # the parent closed the pipe
             return
 
 
@@ -218,7 +218,7 @@ def _made(source: MeshSource, cells: int) -> _Made:
 
 
 def _write_shard(out: Path, manifest: Manifest, pending: list[tuple[MeshSource, _Made, float]]) -> None:
-    """A shard first, then the manifest that names it: a stop in between costs the shard, nothing else."""
+    """Write the shard, then the manifest that lists it, so that a stop in between loses only the shard."""
     if pending:
         number = len({shape.shard for shape in manifest.kept})
         shard = f"shapes-{number:04}.safetensors"

@@ -12,7 +12,7 @@ from goc.reconstruct import kernels
 
 _RADIUS, _SIGMA_PX = 5, 1.5
 _C1, _C2 = 1e-4, 9e-4
-"""Of SSIM, (0.01)² and (0.03)²."""
+"""Stabilising constants of SSIM, (0.01)² and (0.03)²."""
 _kernel = _native.Photometric()
 
 
@@ -39,7 +39,7 @@ def photometric_loss(
 def photometric(
     image: Float[Tensor, "v 3 h w"], target: Float[Tensor, "v 3 h w"], ssim_weight: float
 ) -> tuple[Float[Tensor, ""], Float[Tensor, ""]]:
-    """L_c and the mean squared error in PyTorch; the photographs in 0 to 1."""
+    """Compute L_c and the mean squared error in PyTorch, as `photometric_loss`; `target` is from 0 to 1."""
     x, y = image.flatten(0, 1), target.flatten(0, 1)
     blurred = _blurred(torch.stack([x, y, x * x, y * y, x * y]))
     mx, my = blurred[0], blurred[1]
@@ -50,7 +50,7 @@ def photometric(
 
 
 def _blurred(images: Float[Tensor, "k p h w"]) -> Float[Tensor, "k p h w"]:
-    """By the window, rows and columns one after the other."""
+    """Blur images with the Gaussian window, first along rows, then along columns."""
     offsets = torch.arange(-_RADIUS, _RADIUS + 1, dtype=images.dtype, device=images.device)
     taps = torch.exp(-offsets.square() / (2 * _SIGMA_PX**2))
     taps = taps / taps.sum()

@@ -1,4 +1,4 @@
-"""One view carried into another by its depth, in PyTorch: where pixels land, and by how much the two disagree there."""
+"""Pixels of one view projected into another by rendered depth, and both losses of the pair, in PyTorch."""
 
 from dataclasses import dataclass
 
@@ -11,33 +11,34 @@ from goc.raster import Views
 from goc.reconstruct.losses.depth import RenderedDepth, surface_shown
 
 _C1, _C2 = 1e-4, 9e-4
-"""Of SSIM, (0.01)² and (0.03)²."""
+"""Stabilising constants of SSIM, (0.01)² and (0.03)²."""
 _MAX_ERROR_PX = 1.0
-"""Beyond, two depths show two surfaces."""
+"""Reprojection error, pixels, from which on two depths are taken for two surfaces."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Photograph:
-    """A posed image, 0 to 1."""
+    """A posed image with colours from 0 to 1."""
 
     views: Views
-    """This one alone."""
+    """Its camera, as one view."""
     image: Float[Tensor, "3 h w"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Warp:
-    """Where each pixel's point is in the neighbour, and the surface that is seen there."""
+    """Where the 3D point of each of p pixels projects into the neighbour, and the neighbour's own depth there."""
 
     places: Float[Tensor, "p 2"]
-    """Pixels of the neighbour's photograph."""
+    """Pixel coordinates in the neighbour's photograph."""
     z: Float[Tensor, "p"]
-    """Of the point, in the neighbour's camera."""
+    """z of the point in the neighbour's camera, scene units."""
     inverse: Float[Tensor, "p"]
-    """1 / z of the surface there."""
+    """1 / z of the surface that the neighbour shows there."""
     known: Bool[Tensor, "p"]
+    """The pixel shows a surface, and so does the neighbour where it lands."""
     smooth: Bool[Tensor, "p"]
-    """Known, and the four depths round the place are one surface."""
+    """Known, and the four depths that are interpolated there belong to one surface."""
 
 
 def warped(
@@ -48,14 +49,14 @@ def warped(
     stride: int,
     tolerance: float,
 ) -> Warp:
-    """Carry every pixel of one view into a neighbour by its depth.
+    """Project every pixel of one view into a neighbour by its rendered depth.
 
     Args:
-        depth: of the view, alone.
-        here: the view, alone.
-        there: the neighbour, alone.
-        inverse_depth: 1/z that the neighbour shows, 0 = none, of every `stride`-th pixel.
-        stride: odd.
+        depth: rendered depth of the view.
+        here: the view; one camera.
+        there: the neighbour; one camera.
+        inverse_depth: 1/z that the neighbour shows at every `stride`-th pixel; 0 = none.
+        stride: an odd number of pixels.
         tolerance: depths within this share of each other are one surface.
     """
     shown = surface_shown(depth)[0]
@@ -76,7 +77,7 @@ def photometric_error(warp: Warp, here: Photograph, there: Photograph, tolerance
     """Mean of 0.85·(1 - SSIM)/2 + 0.15·|C - C̃| over pixels whose 3×3 block is in the neighbour and not hidden there."""
     size = here.image.shape[1:]
     colours, inside, _, _ = _sampled(there.image, warp.places)
-    # The neighbour's surface decides what is hidden; it is not moved by what hides behind it.
+    # The neighbour's surface only decides what is hidden, so no gradient reaches it.
     seen = (warp.known & inside & (warp.z * warp.inverse.detach() <= 1 + tolerance)).view(size)
     x = torch.where(seen, colours.view(3, *size), 0.0)[:, None]
     y = torch.where(seen, here.image, 0.0)[:, None]
@@ -89,7 +90,10 @@ def photometric_error(warp: Warp, here: Photograph, there: Photograph, tolerance
 
 
 def geometric_error(warp: Warp, here: Views, there: Views) -> Float[Tensor, ""]:
-    """Mean of exp(-e)·e over pixels that land on a surface; 0 from one pixel on. Only e is optimised."""
+    """Mean of exp(-e)·e over pixels that land on a surface; e is the distance in pixels after going there and back.
+
+    Errors of a pixel or more count 0. The weight exp(-e) has no gradient.
+    """
     far = 1.0 / torch.where(warp.smooth, warp.inverse, 1.0)
     across = (warp.places - there.centre_px[0]) / there.focal_px[0]
     points = torch.cat([across * far[:, None], far[:, None]], -1)
@@ -105,7 +109,7 @@ def geometric_error(warp: Warp, here: Views, there: Views) -> Float[Tensor, ""]:
 
 
 def _mean_of_many(values: Float[Tensor, "*s"], known: Bool[Tensor, "*s"], pixels: int) -> Float[Tensor, ""]:
-    """Over a quarter of the view at least: a handful of pixels must not pull like a view."""
+    """Sum of the known values over their number, or over a quarter of the pixels if there are fewer known."""
     return torch.where(known, values, 0.0).sum() / known.sum().clamp_min(max(1, pixels // 4))
 
 
@@ -116,7 +120,7 @@ def _block_mean(image: Float[Tensor, "k 1 h w"]) -> Float[Tensor, "k 1 i j"]:
 def _sampled(
     image: Float[Tensor, "k i j"], places: Float[Tensor, "p 2"]
 ) -> tuple[Float[Tensor, "k p"], Bool[Tensor, "p"], Float[Tensor, "k p"], Float[Tensor, "k p"]]:
-    """Bilinear values of an image at pixels, whether these are inside, and the least and largest corner."""
+    """Bilinear values of an image at places, whether these are inside, and the least and largest of four corners."""
     height, width = image.shape[1:]
     u, v = places[:, 0] - 0.5, places[:, 1] - 0.5
     inside = (u >= 0) & (v >= 0) & (u < width - 1) & (v < height - 1)
@@ -146,7 +150,7 @@ def _rigid(views: Views) -> Float[Tensor, "4 4"]:
 
 
 def _inverse(rigid: Float[Tensor, "4 4"]) -> Float[Tensor, "4 4"]:
-    """Of a rotation and a shift, without a solver, which would wait for the device."""
+    """Invert a rigid transform by transposing, because a solver would wait for the device."""
     turned = rigid[:3, :3].T
     top = torch.cat([turned, -turned @ rigid[:3, 3:]], 1)
     return torch.cat([top, rigid[3:]])
