@@ -106,6 +106,9 @@ def test_a_checkpoint_of_other_settings_is_refused(capture, tmp_path):
     reconstruct(capture, replace(QUICK, iterations=20), checkpoint=checkpoint)
     with pytest.raises(ReconstructError, match="made from another capture or with other settings"):
         reconstruct(capture, replace(QUICK, iterations=20, seed=3), checkpoint=checkpoint, resume=True)
+    other = replace(capture, priors=CapturePriors(settings='{"bend":false}'))
+    with pytest.raises(ReconstructError, match="made from another capture or with other settings"):
+        reconstruct(other, replace(QUICK, iterations=20), checkpoint=checkpoint, resume=True)
 
 
 def test_seeds_without_depth_come_from_points_then_from_the_box(tmp_path):

@@ -1,8 +1,9 @@
 """Stage 1b, Capture → Capture: what photographs and stored depth say of the surface before there are splats."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 
+import msgspec
 from jaxtyping import Float
 from torch import Tensor
 
@@ -37,7 +38,8 @@ def add_priors(
     with one_torch_thread():
         stereo = stereo_depths(capture, chosen, config.stereo, notify) if points < config.fewest_points else None
         alignment = _alignment(capture, chosen, stereo or {}, config, notify) if capture.has_depth else None
-    return replace(capture, priors=CapturePriors(stereo=stereo, alignment=alignment))
+    settings = msgspec.json.encode(asdict(config), order="sorted").decode()
+    return replace(capture, priors=CapturePriors(stereo=stereo, alignment=alignment, settings=settings))
 
 
 def _alignment(

@@ -37,7 +37,12 @@ class Task:
 
     def fingerprint(self) -> str:
         """Names the capture and all settings: a checkpoint fits only the same."""
-        described = {"config": asdict(self.config), "views": [self.capture.view_names[view] for view in self.views]}
+        capture = self.capture
+        described = {
+            "config": asdict(self.config),
+            "views": [capture.view_names[view] for view in self.views],
+            "priors": "" if capture.priors is None else capture.priors.settings,
+        }
         return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
 
 

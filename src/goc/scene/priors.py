@@ -27,3 +27,5 @@ class CapturePriors:
     alignment: Float[Tensor, "n r"] | None = None
     """How the stored depth of each view of the capture becomes depth in scene units, a row a view, as
     `goc.geometry.monocular` lays it out; NaN = not aligned. None where depth is metric or absent."""
+    settings: str = ""
+    """What they were made with, as JSON: a stopped run goes on with the same settings only."""
