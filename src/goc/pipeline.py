@@ -11,6 +11,7 @@ from goc.device import DeviceName, working_device
 from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
+from goc.files import as_json
 from goc.files.layout import OVERVIEW, REPORT
 from goc.priors import PriorsConfig, SegmentConfig, add_priors, segment
 from goc.raster import choose_engine
@@ -80,6 +81,7 @@ def carve(
     check_completion(config.complete)
     run = RunRecord(notify)
     engine = choose_engine(config.device, run)
+    used = replace(config, device=engine.name)
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):
             capture = given = load_capture(source, config.capture, run)
@@ -98,12 +100,13 @@ def carve(
                 views, splats = _told_apart(views, splats, config.segment, engine.device, run)
         with run.stage("extract"):
             scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
+            scene = replace(scene, settings=as_json(used))
         with run.stage("complete"):
             scene = complete_objects(scene, config.complete, run, working_device(config.device))
         with run.stage("export"):
             export_scene(output.staged, scene)
             write_overview(output.staged / OVERVIEW, scene, views, _title(source), config.export.overview_views, run)
-        write_report(output.staged / REPORT, source, given, scene, run, replace(config, device=engine.name))
+        write_report(output.staged / REPORT, source, given, scene, run, used)
         output.publish()
     return scene
 

@@ -95,6 +95,7 @@ def test_a_finished_run_reads_back_as_the_scene_that_it_made(capture, finished, 
         assert np.array_equal(one.evidence.state, other.evidence.state)
     assert read.world.up.tolist() == [0.0, 0.0, 1.0] and read.world.confidence > 0.8
     assert read.world.floor == pytest.approx(0.0, abs=0.02)
+    assert read.settings == made.settings and read.settings["extract"]["scene_voxel"] == 0.05
 
 
 def test_the_report_tells_the_whole_run(finished, capture):

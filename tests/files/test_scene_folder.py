@@ -113,6 +113,7 @@ def random_scene(seed, parts):
             metric=bool(random.random() < 0.5),
         ),
         metrics={"psnr_db": float(random.normal()), "nobody knows": float("nan")},
+        settings={"reconstruct": {"seed": 3, "rates": [0.1, 0.2]}, "complete": {"weights": None}},
     )
 
 

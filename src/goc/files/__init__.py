@@ -2,7 +2,7 @@
 
 from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh, welded
 from goc.files.atomic import move_file, write_atomic, write_bytes
-from goc.files.documents import read_json, read_matrix, read_versioned, write_json
+from goc.files.documents import as_json, read_json, read_matrix, read_versioned, write_json
 from goc.files.evidence import read_evidence, write_evidence
 from goc.files.glb import write_glb
 from goc.files.images import (
@@ -28,6 +28,7 @@ from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 
 __all__ = [
+    "as_json",
     "MESH_SUFFIXES",
     "MILLIMETRES",
     "Lists",

@@ -70,6 +70,11 @@ def write_json(path: Path, value: object) -> None:
     write_bytes(path, msgspec.json.format(encoded, indent=2) + b"\n")
 
 
+def as_json(value: object) -> Any:
+    """Convert dataclasses, structs, paths and tuples to what JSON has: dicts, lists, texts and numbers."""
+    return msgspec.json.decode(msgspec.json.encode(value, enc_hook=_plain))
+
+
 def read_matrix(path: Path) -> Float64[np.ndarray, "rows columns"]:
     """Read rows of numbers separated by blanks or commas.
 

@@ -1,6 +1,6 @@
 """The schema of scene.json: all of a scene except meshes, splats and grids, which have their own files."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
@@ -70,6 +70,8 @@ class SceneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     cameras: list[CameraEntry]
     metrics: dict[str, float | None]
     """Figures of the reconstruction by name; null where one is not finite."""
+    settings: dict[str, Any]
+    """Every setting of the run that made the scene."""
 
 
 def entry_of(scene: Scene) -> SceneEntry:
@@ -88,6 +90,7 @@ def entry_of(scene: Scene) -> SceneEntry:
         objects=[_object_entry(item) for item in scene.objects],
         cameras=[_camera_entry(name, camera) for name, camera in scene.cameras.items()],
         metrics={name: float(value) for name, value in scene.metrics.items()},
+        settings=scene.settings,
     )
 
 

@@ -81,6 +81,7 @@ def read_scene(folder: Path) -> Scene:
         cameras={item.name: camera_of(item) for item in entry.cameras},
         world=_read_world(folder / layout.SCENE, entry.world),
         metrics={name: np.nan if value is None else value for name, value in entry.metrics.items()},
+        settings=entry.settings,
     )
 
 

@@ -1,6 +1,7 @@
 """A whole scene: passed from stage to stage, written to disk, and read back from there."""
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from jaxtyping import Int16
 from torch import Tensor
@@ -30,3 +31,5 @@ class Scene:
     """Up, floor and units."""
     metrics: dict[str, float] = field(default_factory=dict[str, float])
     """Figures of the reconstruction by name, such as steps and held-out PSNR in dB."""
+    settings: dict[str, Any] = field(default_factory=dict[str, Any])
+    """Every setting of the run that made the scene, as JSON has them; empty where no run did."""
