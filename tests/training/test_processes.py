@@ -72,7 +72,7 @@ def test_two_processes_step_as_one_with_both_their_batches(tmp_path, monkeypatch
     network = build(SMALL, CONFIG.seed)
     state = initial_state(network, CONFIG.optimiser.rate, CONFIG.optimiser.decay)
     both = together([next(batches(recipe(CONFIG), 0, 0, rank, 2)) for rank in range(2)])
-    step(network, state, both, CONFIG)
+    step(state, both, CONFIG)
     trained = read_tensors(tmp_path / STATE)[0]
     moments = {name.removeprefix("exp_avg/"): value for name, value in trained.items() if name.startswith("exp_avg/")}
     assert moments.keys() == dict(network.named_parameters()).keys()

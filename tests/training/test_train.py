@@ -49,7 +49,7 @@ def tiny(monkeypatch):
 def train_on(network, batch, steps, rate):
     config = TrainConfig(steps=steps, optimiser=OptimiserConfig(rate=rate, bf16=False, warmup=0.05))
     state = initial_state(network, rate, 0.0)
-    return [step(network, state, batch, config)["loss"] for _ in range(steps)], state
+    return [step(state, batch, config)["loss"] for _ in range(steps)], state
 
 
 def test_osc_s_learns():

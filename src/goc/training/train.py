@@ -15,7 +15,6 @@ import msgspec
 import numpy as np
 import torch
 from torch import Tensor, distributed, nn
-from torch.nn.parallel import DistributedDataParallel
 
 from goc.complete import LiteConfig, build, save_network
 from goc.errors import TrainError
@@ -73,7 +72,6 @@ def _train(out: Path, config: TrainConfig, notify: Listener, group: ProcessGroup
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
     if is_file(out / STATE):
         state = load_state(out / STATE, state, fingerprint(config))
-    model = network if group.world == 1 else DistributedDataParallel(network)
     tracker = Tracker(out, notify) if group.rank == 0 else None
     validation = _validation_cases(config) if tracker else []
     stream = batches(recipe(config), state.step, config.workers, group.rank, group.world)
@@ -85,7 +83,7 @@ def _train(out: Path, config: TrainConfig, notify: Listener, group: ProcessGroup
                 state.seconds = max(seconds, state.seconds)
                 if spent(config, state) >= 1.0 or stop:
                     break
-                figures = step(model, state, batch.to(group.device), config)
+                figures = step(state, batch.to(group.device), config, group.world)
                 if tracker is None:
                     continue
                 _tell(tracker, state, figures, config, notify)
@@ -157,8 +155,10 @@ def rate_factor(share: float, warmup: float) -> float:
     return min(share / warmup if warmup > 0 else 1.0, (1.0 - share) / (1.0 - warmup), 1.0)
 
 
-def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: TrainConfig) -> dict[str, float]:
+def step(state: TrainState, batch: TrainingBatch, config: TrainConfig, world: int = 1) -> dict[str, float]:
     """One step of AdamW and of the running mean; gives the terms of the loss and the IoU at the queries.
+
+    The gradient is the mean over the `world` processes, which all call this.
 
     Raises:
         TrainError: the loss is not finite.
@@ -169,7 +169,7 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
     torch.manual_seed(int(np.random.SeedSequence([config.seed, state.step]).generate_state(1)[0]))
     state.network.train()
     with torch.autocast(batch.queries.device.type, torch.bfloat16, enabled=config.optimiser.bf16):
-        logits, divergence = model(batch.seen, batch.queries)
+        logits, divergence = state.network(batch.seen, batch.queries)
     terms = completion_loss(logits.float(), divergence.float(), batch.distance, config.losses)
     if not math.isfinite(terms["loss"].item()):
         raise TrainError(
@@ -177,6 +177,8 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
         )
     state.optimiser.zero_grad(set_to_none=True)
     terms["loss"].backward()
+    if world > 1:
+        _average_gradients(state.network, world)
     norm = nn.utils.clip_grad_norm_(state.network.parameters(), config.optimiser.clip)
     state.optimiser.step()
     state.step += 1
@@ -184,6 +186,18 @@ def step(model: nn.Module, state: TrainState, batch: TrainingBatch, config: Trai
     iou = hard_iou(logits.float(), batch.distance, config.losses.threshold).mean()
     rate = state.optimiser.param_groups[0]["lr"]
     return {name: _number(value) for name, value in {**terms, "norm": norm, "query_iou": iou, "rate": rate}.items()}
+
+
+def _average_gradients(network: nn.Module, world: int) -> None:
+    """Replace every gradient by its mean over the processes, in one exchange.
+
+    DistributedDataParallel does this too, but leaves threads behind that abort now and then as the process ends.
+    """
+    gradients = [parameter.grad for parameter in network.parameters() if parameter.grad is not None]
+    flat = torch.cat([gradient.reshape(-1) for gradient in gradients])
+    distributed.all_reduce(flat)
+    for gradient, mean in zip(gradients, (flat / world).split([g.numel() for g in gradients]), strict=True):
+        gradient.copy_(mean.view_as(gradient))
 
 
 def validate(tracker: Tracker, state: TrainState, cases: list[ValidationCase], config: TrainConfig) -> None:
