@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from goc.synth.lighting import AreaLight, direct_light, light_on, sequence
+from goc.synth.lighting import AreaLight, bake, direct_light, light_on, sequence
 from goc.synth.materials import Paint
 from goc.synth.model import Model, make_part, placed
 from goc.synth.shapes import rounded_box
@@ -70,3 +70,14 @@ def test_sixteen_samples_in_a_row_fall_into_sixteen_different_cells(stream):
         rows = 16 // columns
         cells = np.floor(u * columns) * rows + np.floor(v * rows)
         assert len(np.unique(cells)) == 16
+
+
+def test_triangles_without_area_do_not_stop_the_light():
+    whole = slab(0.0).parts[0]
+    flat = whole.mesh.faces[:1].copy()
+    flat[0, 2] = flat[0, 1]
+    mesh = replace(whole.mesh, faces=np.concatenate([whole.mesh.faces, flat]))
+    spoilt = Model(name="slab", parts=(replace(whole, mesh=mesh),))
+    surfaces = gather_surfaces(spoilt, {})
+    assert len(surfaces.owner) == len(gather_surfaces(slab(0.0), {}).owner)
+    assert np.isfinite(bake(surfaces, (LIGHT,)).radiance).all()

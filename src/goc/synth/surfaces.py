@@ -9,7 +9,7 @@ from jaxtyping import Float, Float32, Int, Int16
 from goc.geometry.raycast import RayHits, TriangleScene
 from goc.synth.materials import Appearance, Material
 from goc.synth.model import Model, ModelPart
-from goc.synth.vectors import dot, unit
+from goc.synth.vectors import dot, length, unit
 
 CREASE = np.cos(np.radians(40.0))
 """Faces that meet at a sharper angle keep their edge when shaded."""
@@ -63,6 +63,7 @@ def gather_surfaces(shell: Model, objects: dict[int, Model]) -> RoomSurfaces:
     materials: list[Material] = []
     for key, item, longest in pieces:
         both, triangles = subdivided(np.concatenate([item.mesh.vertices, item.texture], -1), item.mesh.faces, longest)
+        triangles = triangles[length(_areas(both[triangles, :3])) > 1e-12]  # no ray meets one without area
         vertices.append(both[:, :3])
         faces.append(triangles + count)
         texture.append(both[:, 3:][triangles])
