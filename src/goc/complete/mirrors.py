@@ -34,6 +34,8 @@ _COST = 4.0
 """How many points that meet measured surface outweigh a point whose image rays passed."""
 _LEAST_SUPPORT, _MOST_CONTRADICTION = 0.25, 0.06
 """A plane needs this share of the measured surface in its favour, and may have at most this share against it."""
+_TOLD = 0.2
+"""What a plane is worth that tells nothing new, beside the share of the surface that another tells something of."""
 _APART_DEG, _APART = 15.0, 0.1
 """Planes nearer to each other than this in angle and, in longest sides, in place are one."""
 
@@ -49,6 +51,8 @@ class MirrorPlane:
     """Share of the measured surface whose image lies on measured surface; what is near the plane counts less. [0, 1]"""
     contradiction: float
     """Share whose image lies in space that rays passed. [0, 1]"""
+    gain: float = 0.0
+    """Share whose image lies where nothing is known: what the plane has to tell. [0, 1]"""
 
     @property
     def score(self) -> float:
@@ -68,7 +72,9 @@ def mirror_planes(
     up: Float[np.ndarray, "3"] | None = Z_UP,
     most: int = 2,
 ) -> tuple[MirrorPlane, ...]:
-    """Planes in which a measured surface can be mirrored without what rays saw disagreeing, the most trusted first.
+    """Planes in which a measured surface can be mirrored without what rays saw disagreeing.
+
+    Those come first that can be trusted and tell most: things that are turned mirror themselves in many.
 
     Args:
         points: on the measured surface, the frame of the evidence.
@@ -89,7 +95,7 @@ def mirror_planes(
         good = plane.support >= _LEAST_SUPPORT and plane.contradiction <= _MOST_CONTRADICTION
         if good and not any(_same(plane, other, judge.longest) for other in found):
             found.append(plane)
-    return tuple(sorted(found, key=lambda plane: -plane.score)[:most])
+    return tuple(sorted(found, key=lambda plane: -plane.score * (_TOLD + plane.gain))[:most])
 
 
 def mirrored_evidence(evidence: EvidenceGrid, plane: MirrorPlane) -> EvidenceGrid:
@@ -181,8 +187,8 @@ def _passed(evidence: EvidenceGrid) -> Bool[np.ndarray, "i j k"]:
 
 def _tally(
     judge: _Judge, normals: Float64[np.ndarray, "m 3"], offsets: Float64[np.ndarray, "m"], count: int
-) -> tuple[Float64[np.ndarray, "m"], Float64[np.ndarray, "m"]]:
-    """Support and contradiction of m planes, judged by the first `count` points."""
+) -> Float64[np.ndarray, "3 m"]:
+    """Support, contradiction and gain of m planes, judged by the first `count` points."""
     points, own, grid = judge.points[:count], judge.normals[:count], judge.evidence
     above = points @ normals.T - offsets  # p m
     flat = np.zeros(above.shape, np.int32)
@@ -204,7 +210,8 @@ def _tally(
     weight = np.minimum(1.0, np.abs(above) / (_NEAR * judge.longest))
     total = np.maximum(weight.sum(axis=0), 0.2 * len(points))
     support = np.bincount(m, weight[p, m] * on, minlength=len(normals)) / total
-    return support, (weight * (judge.passed.ravel()[cell] & inside)).sum(axis=0) / total
+    against, unknown = judge.passed.ravel()[cell] & inside, state == Evidence.UNKNOWN
+    return np.stack([support, *((weight * field).sum(axis=0) / total for field in (against, unknown))])
 
 
 def _candidates(judge: _Judge, up: Float[np.ndarray, "3"] | None) -> list[MirrorPlane]:
@@ -215,14 +222,14 @@ def _candidates(judge: _Judge, up: Float[np.ndarray, "3"] | None) -> list[Mirror
     share = np.linspace(0.06, 0.94, _STEPS)
     offsets = (low + share[:, None] * (high - low)).T.ravel()
     normals = np.repeat(directions, _STEPS, axis=0)
-    support, against = _tally(judge, normals, offsets, _SCAN_POINTS)
-    worth = support - against  # a plane that is slightly off has some against it that is not meant
+    votes = _tally(judge, normals, offsets, _SCAN_POINTS)
+    support = votes[0]
+    worth = support - votes[1] + _TOLD * votes[2]  # what is slightly off has some against it that is not meant
     found: list[MirrorPlane] = []
     for best in np.argsort(-worth):
         if len(found) == _TRIED or support[best] < 0.5 * _LEAST_SUPPORT:
             break
-        votes = {"support": float(support[best]), "contradiction": float(against[best])}
-        plane = MirrorPlane(normal=normals[best], offset=float(offsets[best]), **votes)
+        plane = _voted(normals[best], offsets[best], votes[:, best])
         if not any(_same(plane, other, judge.longest) for other in found):
             found.append(plane)
     return found
@@ -250,15 +257,9 @@ def _best_nearby(
     away = plane.offset - plane.normal @ middle
     offsets = (normals @ middle)[:, None] + away + shifts
     normals = np.repeat(normals, len(shifts), axis=0)
-    support, against = _tally(judge, normals, offsets.ravel(), _POINTS // 2)
-    best = int(np.argmax(support - _COST * against))
-    return replace(
-        plane,
-        normal=normals[best],
-        offset=float(offsets.ravel()[best]),
-        support=float(support[best]),
-        contradiction=float(against[best]),
-    )
+    votes = _tally(judge, normals, offsets.ravel(), _POINTS // 2)
+    best = int(np.argmax(votes[0] - _COST * votes[1]))
+    return _voted(normals[best], offsets.ravel()[best], votes[:, best])
 
 
 def _fitted(judge: _Judge, plane: MirrorPlane, up: Float[np.ndarray, "3"] | None, rounds: int = 3) -> MirrorPlane:
@@ -286,12 +287,13 @@ def _fitted(judge: _Judge, plane: MirrorPlane, up: Float[np.ndarray, "3"] | None
         normal = normal + change[:-1] @ axes
         length = float(np.linalg.norm(normal))
         normal, offset = normal / length, (offset + float(change[-1])) / length
-    support, against = _tally(judge, np.stack([normal, plane.normal]), np.array([offset, plane.offset]), _POINTS)
-    fitted, before = (
-        replace(plane, normal=n, offset=float(d), support=float(s), contradiction=float(c))
-        for n, d, s, c in zip((normal, plane.normal), (offset, plane.offset), support, against, strict=True)
-    )
-    return max((before, fitted), key=_worth)
+    votes = _tally(judge, np.stack([normal, plane.normal]), np.array([offset, plane.offset]), _POINTS)
+    return max(_voted(normal, offset, votes[:, 0]), _voted(plane.normal, plane.offset, votes[:, 1]), key=_worth)
+
+
+def _voted(normal: Float64[np.ndarray, "3"], offset: float, votes: Float64[np.ndarray, "3"]) -> MirrorPlane:
+    support, against, unknown = (float(vote) for vote in votes)
+    return MirrorPlane(normal=normal, offset=float(offset), support=support, contradiction=against, gain=unknown)
 
 
 def _worth(plane: MirrorPlane) -> float:
