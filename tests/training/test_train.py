@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from goc.complete import SIZES, LiteConfig, Osc, build, load_network
+from goc.complete import SIZES, LiteConfig, Osc, build, load_network, save_network
 from goc.errors import ConfigError, TrainError
 from goc.events import Progress, Warned
 from goc.files import read_tensors
@@ -44,6 +44,16 @@ def tiny(monkeypatch):
     """Trainings of a network that takes no time."""
     monkeypatch.setattr(TrainConfig, "network", lambda self: SMALL)
     monkeypatch.setattr(training, "_VALIDATION_SHAPES", 2)
+
+
+def test_a_training_begins_from_given_weights(tiny, tmp_path):
+    first = build(SMALL, 7)
+    save_network(tmp_path / "first.safetensors", first)
+    slow = replace(TINY.optimiser, rate=1e-9)
+    begun = train(tmp_path / "run", replace(TINY, steps=1, init=tmp_path / "first.safetensors", optimiser=slow))
+    found = load_network(begun).state_dict()
+    for name, value in first.state_dict().items():
+        torch.testing.assert_close(found[name], value, atol=1e-3, rtol=1e-3)  # float16
 
 
 def train_on(network, batch, steps, rate):
@@ -142,7 +152,7 @@ def first_batches(recipe, first, count, **place):
 @pytest.mark.parametrize("reuse", [1, 2])
 def test_workers_give_the_batches_in_order(reuse):
     loader = replace(TINY.loader, reuse=reuse)
-    recipe = BatchRecipe(loader=loader, masking=TINY.masking, cells=16, data=None, seed=0)
+    recipe = BatchRecipe(loader=loader, masking=TINY.masking, cells=16, hints=False, data=None, seed=0)
     here = first_batches(recipe, 3, 3, workers=0)
     there = first_batches(recipe, 3, 3, workers=1)
     assert all(torch.equal(a.queries, b.queries) for a, b in zip(here, there, strict=True))
@@ -151,7 +161,9 @@ def test_workers_give_the_batches_in_order(reuse):
 
 
 def test_processes_have_masks_of_their_own():
-    recipe = BatchRecipe(loader=replace(TINY.loader, reuse=2), masking=TINY.masking, cells=16, data=None, seed=0)
+    recipe = BatchRecipe(
+        loader=replace(TINY.loader, reuse=2), masking=TINY.masking, cells=16, hints=False, data=None, seed=0
+    )
     mine, theirs = (first_batches(recipe, 0, 8, workers=0, rank=rank, world=2) for rank in (0, 1))
     evidence = {float(batch.seen.evidence.double().square().sum()) for batch in mine}
     assert evidence.isdisjoint(float(batch.seen.evidence.double().square().sum()) for batch in theirs)

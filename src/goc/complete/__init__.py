@@ -3,11 +3,13 @@
 from goc.complete.compose import Measured, closed_surface, compose, compose_field, with_margin
 from goc.complete.config import CompleteConfig, ScanConfig
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
+from goc.complete.hints import HINTS
 from goc.complete.hull import evidence_hull
 from goc.complete.lite import LiteConfig, LiteField, OscLite
 from goc.complete.osc import SIZES, Osc, OscConfig, OscField
 from goc.complete.partial import (
     CHANNELS,
+    SIDE,
     Completer,
     Cube,
     OccupancyField,
@@ -21,11 +23,13 @@ from goc.complete.partial import (
 )
 from goc.complete.scan import complete_scan
 from goc.complete.stage import check_completion, close_objects, complete_objects, model_fill
-from goc.complete.weights import SHIPPED, Network, build, load_network, save_network
+from goc.complete.weights import SHIPPED, Network, begin_from, build, load_network, save_network
 
 __all__ = [
     "CHANNELS",
+    "HINTS",
     "SHIPPED",
+    "SIDE",
     "SIZES",
     "CompleteConfig",
     "Completer",
@@ -45,6 +49,7 @@ __all__ = [
     "Refinement",
     "ScanConfig",
     "batch_of",
+    "begin_from",
     "build",
     "cell_centres",
     "check_completion",

@@ -11,6 +11,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from goc.complete.hints import HINTS
 from goc.complete.layers import SelfBlock
 from goc.complete.partial import CHANNELS, PartialBatch, PartialObject, batch_of
 
@@ -35,6 +36,13 @@ class LiteConfig:
     """Heads of each attention."""
     hidden: int = 64
     """Width of the MLP that reads occupancy off the features."""
+    hints: bool = False
+    """Whether it takes HINTS beside CHANNELS; the weights of goc's first release do not."""
+
+    @property
+    def channels(self) -> int:
+        """Channels of evidence that it takes."""
+        return len(CHANNELS) + (len(HINTS) if self.hints else 0)
 
 
 class Residual(nn.Module):
@@ -89,7 +97,7 @@ class OscLite(nn.Module):
         super().__init__()
         self.config = config
         fine, middle, width = config.fine, config.middle, config.width
-        self.stem = nn.Conv3d(len(CHANNELS), fine, 2, stride=2)
+        self.stem = nn.Conv3d(config.channels, fine, 2, stride=2)
         self.encode_fine = Residual(fine)
         self.to_middle = nn.Conv3d(fine, middle, 2, stride=2)
         self.encode_middle = Residual(middle)
@@ -102,7 +110,7 @@ class OscLite(nn.Module):
         self.join_fine = nn.Conv3d(2 * fine, fine, 1)
         self.decode_fine = Residual(fine)
         self.to_logit = nn.Sequential(
-            nn.Linear(len(CHANNELS) + fine + middle, config.hidden),
+            nn.Linear(config.channels + fine + middle, config.hidden),
             nn.SiLU(),
             nn.Linear(config.hidden, config.hidden),
             nn.SiLU(),
@@ -132,7 +140,7 @@ class OscLite(nn.Module):
     @torch.inference_mode()
     def complete(self, partial: PartialObject) -> "LiteField":
         """The field of one object."""
-        evidence = batch_of(partial, points=0, cells=self.config.cells).evidence
+        evidence = batch_of(partial, points=0, cells=self.config.cells, hints=self.config.hints).evidence
         return LiteField(model=self, features=self.features(evidence.to(self.stem.weight.device)))
 
 

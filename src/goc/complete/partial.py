@@ -8,6 +8,7 @@ import torch
 from jaxtyping import Float, Float32, Float64, Int64, UInt8
 from torch import Tensor
 
+from goc.complete.hints import hint_channels
 from goc.scene import Evidence, EvidenceGrid
 
 SIDE = 1.25
@@ -109,7 +110,7 @@ class PartialBatch:
     points: Float[Tensor, "b p 3"]
     normals: Float[Tensor, "b p 3"]
     evidence: Float[Tensor, "b c n n n"]
-    """CHANNELS on a grid of n³ cells that fills the cube."""
+    """CHANNELS, and HINTS for networks that take them, on a grid of n³ cells that fills the cube."""
 
     def to(self, device: torch.device | str) -> "PartialBatch":
         """The same on another device."""
@@ -118,13 +119,13 @@ class PartialBatch:
         )
 
 
-def batch_of(partial: PartialObject, points: int, cells: int) -> PartialBatch:
-    """One partial object as a batch: `points` of its points, and its evidence on `cells`³ cells."""
+def batch_of(partial: PartialObject, points: int, cells: int, hints: bool = False) -> PartialBatch:
+    """One partial object as a batch: `points` of its points, and its evidence on `cells`³ cells, with hints or not."""
     chosen = spread_rows(len(partial.points), points)
     return PartialBatch(
         points=torch.from_numpy(partial.points[chosen])[None],
         normals=torch.from_numpy(partial.normals[chosen])[None],
-        evidence=torch.from_numpy(evidence_channels(partial.evidence, cells))[None],
+        evidence=torch.from_numpy(evidence_channels(partial.evidence, cells, hints))[None],
     )
 
 
@@ -147,18 +148,28 @@ def cell_centres(cells: int) -> Float32[np.ndarray, "n n n 3"]:
     return np.stack(np.meshgrid(axis, axis, axis, indexing="ij"), -1)
 
 
-def evidence_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray, "4 {cells} {cells} {cells}"]:
-    """Evidence on the grid of a network: CHANNELS, each cell the mean of 2×2×2 look-ups into the grid.
+def evidence_channels(
+    evidence: EvidenceGrid, cells: int, hints: bool = False
+) -> Float32[np.ndarray, "c {cells} {cells} {cells}"]:
+    """Evidence on the grid of a network: CHANNELS, and if wanted HINTS.
 
     Training and completion both come through here, so that the network meets nothing that it was not trained on.
 
     Args:
         evidence: in model units.
         cells: along each side of the cube.
+        hints: whether HINTS follow.
 
     Returns:
-        distance in [-1, 1] in units of 1.5 cells, 0 where no surface was seen; the others are shares in [0, 1].
+        distance in [-1, 1] in units of 1.5 cells, 0 where no surface was seen; the others are shares in [0, 1]; for
+        the hints see there.
     """
+    seen = _seen_channels(evidence, cells)
+    return np.concatenate([seen, hint_channels(evidence, seen)]) if hints else seen
+
+
+def _seen_channels(evidence: EvidenceGrid, cells: int) -> Float32[np.ndarray, "4 {cells} {cells} {cells}"]:
+    """CHANNELS: each cell is the mean of 2×2×2 look-ups into the grid."""
     rows = [_nearest(evidence, axis, 2 * cells) for axis in range(3)]
     channels = np.zeros((len(CHANNELS), cells, cells, cells), np.float32)
     channels[3] = 1.0

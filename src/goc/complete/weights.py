@@ -1,6 +1,6 @@
 """Networks on disk: safetensors with the sizes in the header, so that a file is enough to build what it holds."""
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from importlib import resources
 from pathlib import Path
 
@@ -10,6 +10,7 @@ from torch import Tensor
 
 from goc.complete.lite import LiteConfig, OscLite
 from goc.complete.osc import Osc, OscConfig
+from goc.complete.partial import CHANNELS
 from goc.errors import CompleteError
 from goc.files import is_file, read_tensors, write_tensors
 
@@ -58,3 +59,27 @@ def load_network(path: Path = SHIPPED) -> Network:
         first = str(error).splitlines()[0]
         raise CompleteError(f"{path}: no weights of a completion network ({first}). Train them again.") from error
     return network.eval()
+
+
+_READ_BY = {"stem.weight": 1, "to_logit.0.weight": 1}
+"""Weights of OSC-lite that read the evidence, and along which axis; its channels come first."""
+
+
+def begin_from(network: Network, path: Path) -> None:
+    """Give a network the weights of a file; inputs that these know nothing of begin with weight 0.
+
+    Raises:
+        CompleteError: the file holds another network, by more than hints that it lacks.
+    """
+    old = load_network(path)
+    lite = isinstance(old, OscLite) and isinstance(network, OscLite)
+    same = replace(old.config, hints=network.config.hints) if lite else old.config
+    if same != network.config or (lite and old.config.hints and not network.config.hints):
+        raise CompleteError(f"{path}: holds another network than the one to train. Pass weights of the same size.")
+    found = old.state_dict()
+    for name, axis in _READ_BY.items() if lite else ():
+        first, rest = found[name].tensor_split([len(CHANNELS)], axis)
+        missing = network.state_dict()[name].shape[axis] - found[name].shape[axis]
+        shape = [missing if dim == axis else size for dim, size in enumerate(found[name].shape)]
+        found[name] = torch.cat([first, torch.zeros(shape), rest], axis)
+    network.load_state_dict(found)

@@ -39,6 +39,8 @@ class TrainConfig(Settings):
     """Network: lite, or a size of the paper's model."""
     data: Path | None = None
     """Folder of `goc osc prepare`; none: procedural shapes alone."""
+    init: Path | None = None
+    """Weights to begin with, which may lack hints; none: from nothing."""
     minutes: Positive = 180.0
     """Budget of training time, earlier runs of the same training counted in."""
     steps: Count | None = None
@@ -58,4 +60,4 @@ class TrainConfig(Settings):
 
     def network(self) -> OscConfig | LiteConfig:
         """Sizes of the network."""
-        return LiteConfig() if self.size == "lite" else SIZES[self.size]
+        return LiteConfig(hints=True) if self.size == "lite" else SIZES[self.size]

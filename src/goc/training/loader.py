@@ -29,6 +29,8 @@ class BatchRecipe:
     masking: MaskConfig
     cells: int
     """Cells along each side of the evidence grid that the network takes."""
+    hints: bool
+    """Whether it takes hints beside it."""
     data: Path | None
     """Prepared shapes; None: procedural ones alone."""
     seed: int
@@ -44,7 +46,7 @@ class BatchRecipe:
         """Masked objects for `reuse`² batches; pool `number` is the same in every run."""
         times = self.loader.reuse
         loader = replace(self.loader, batch=self.loader.batch * times, queries=self.loader.queries * times)
-        return make_batch(self.draw, loader, self.masking, self.cells, (self.seed, number))
+        return make_batch(self.draw, loader, self.masking, self.cells, (self.seed, number), self.hints)
 
     def batches(self, pool: TrainingBatch, number: int) -> Iterator[TrainingBatch]:
         """The batches of pool `number`."""

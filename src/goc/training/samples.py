@@ -61,7 +61,9 @@ class TrainingBatch:
         )
 
 
-def make_batch(draw: Draw, loader: LoaderConfig, masking: MaskConfig, cells: int, seed: Sequence[int]) -> TrainingBatch:
+def make_batch(
+    draw: Draw, loader: LoaderConfig, masking: MaskConfig, cells: int, seed: Sequence[int], hints: bool = False
+) -> TrainingBatch:
     """One batch; the same for the same seed, wherever it is made."""
     random = np.random.default_rng(list(seed))
     masked: list[MaskedObject] = []
@@ -69,7 +71,7 @@ def make_batch(draw: Draw, loader: LoaderConfig, masking: MaskConfig, cells: int
         solid = draw(random)
         looks = (mask(solid, masking, random) for _ in range(min(loader.masks, loader.batch - len(masked))))
         masked += [look for look in looks if look is not None]
-    channels = [evidence_channels(one.partial.evidence, cells) for one in masked]
+    channels = [evidence_channels(one.partial.evidence, cells, hints) for one in masked]
     pairs = zip(masked, channels, strict=True)
     asked = [draw_queries(one, channel, loader, random) for one, channel in pairs]
     return TrainingBatch(

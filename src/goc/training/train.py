@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor, distributed, nn
 
-from goc.complete import LiteConfig, build, save_network
+from goc.complete import LiteConfig, begin_from, build, save_network
 from goc.errors import TrainError
 from goc.events import Listener, Progress, ignore
 from goc.files import is_file
@@ -68,7 +68,10 @@ def train(out: Path, config: TrainConfig, notify: Listener = ignore) -> Path:
 
 
 def _train(out: Path, config: TrainConfig, notify: Listener, group: ProcessGroup) -> Path:
-    network = build(config.network(), config.seed).to(group.device)
+    network = build(config.network(), config.seed)
+    if config.init is not None:
+        begin_from(network, config.init)
+    network = network.to(group.device)
     state = initial_state(network, config.optimiser.rate, config.optimiser.decay)
     if is_file(out / STATE):
         state = load_state(out / STATE, state, fingerprint(config))
@@ -125,12 +128,11 @@ def stop_signals() -> Iterator[threading.Event]:
 def fingerprint(config: TrainConfig) -> str:
     """Hash of the settings that a checkpoint depends on.
 
-    Budget, learning rate, data folder, workers and reporting are left out: they may change between runs.
+    Budget, learning rate, data folder, first weights, workers and reporting are left out: they may change between runs.
     """
     slower = replace(config.optimiser, rate=1.0)
-    same = replace(
-        config, minutes=1.0, steps=None, workers=0, save_every=60.0, validate_every=1, data=None, optimiser=slower
-    )
+    same = replace(config, minutes=1.0, steps=None, workers=0, save_every=60.0, validate_every=1, optimiser=slower)
+    same = replace(same, data=None, init=None)
     return hashlib.sha256(msgspec.json.encode(asdict(same), order="sorted")).hexdigest()
 
 
@@ -138,11 +140,13 @@ def recipe(config: TrainConfig) -> BatchRecipe:
     """The recipe of this training's batches: evidence and points as its network takes them."""
     network = config.network()
     if isinstance(network, LiteConfig):
-        cells, points = network.cells, 0
+        cells, points, hints = network.cells, 0, network.hints
     else:
-        cells, points = _CELLS_OF_POINTS, network.points
+        cells, points, hints = _CELLS_OF_POINTS, network.points, False
     masking = replace(config.masking, points=points)
-    return BatchRecipe(loader=config.loader, masking=masking, cells=cells, data=config.data, seed=config.seed)
+    return BatchRecipe(
+        loader=config.loader, masking=masking, cells=cells, hints=hints, data=config.data, seed=config.seed
+    )
 
 
 def spent(config: TrainConfig, state: TrainState) -> float:
@@ -241,7 +245,7 @@ def _tell(
 
 def _notes(config: TrainConfig, state: TrainState) -> dict[str, str]:
     return {
-        "training": msgspec.json.encode(asdict(replace(config, data=None))).decode(),
+        "training": msgspec.json.encode(asdict(replace(config, data=None, init=None))).decode(),
         "steps": str(state.step),
         "minutes": f"{state.seconds / 60:.1f}",
     }
