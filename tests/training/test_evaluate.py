@@ -44,7 +44,19 @@ def coarse(masked):
 @pytest.fixture(scope="module")
 def half():
     """A ball in a few exact views from one side, and all that is made of it."""
-    config = MaskConfig(arc=1.0, room=0.0, noise=0.0, forget_empty=0.0, jitter=0.0, size_px=48)
+    config = MaskConfig(
+        arc=1.0,
+        room=0.0,
+        front=0.0,
+        bare=0.0,
+        contacts=0.0,
+        halves=0.0,
+        wide=0.0,
+        noise=0.0,
+        forget_empty=0.0,
+        jitter=0.0,
+        size_px=48,
+    )
     masked = coarse(mask(BALL, config, np.random.default_rng(3)))
     seen = measured_object(masked)
     return masked, seen, dict(completions(seen, masked, LITE, 0.5))

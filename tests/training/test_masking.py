@@ -2,12 +2,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 
 from goc.complete import evidence_channels
-from goc.scene import Evidence
+from goc.geometry.raycast import TriangleScene
+from goc.scene import Camera, Evidence
 from goc.training.masking import MaskConfig, _evidence, add_depth_noise, mask, render_view, visible
 from goc.training.placement import PlacedShape
-from goc.training.primitives import Box, Ellipsoid
+from goc.training.primitives import Box, Ellipsoid, Lathe, Shrunk
 from goc.training.procedural import random_shape
 from goc.training.samples import LoaderConfig, make_batch, true_distance
 from goc.training.surroundings import no_surroundings, random_surroundings
@@ -15,7 +17,8 @@ from goc.training.viewpoints import random_viewpoints
 from goc.training.watertight_shape import CsgPart, shape_from_parts
 
 BALL = shape_from_parts([CsgPart(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 48)
-EXACT = MaskConfig(noise=0.0, size_px=64, forget_empty=0.0)
+ALL_TOLD = {"front": 0.0, "forget_empty": 0.0, "bare": 0.0, "contacts": 0.0, "halves": 0.0, "wide": 0.0}
+EXACT = MaskConfig(noise=0.0, size_px=64, **ALL_TOLD)
 
 
 def masked(solid, config, seed):
@@ -26,7 +29,7 @@ def grid_points(evidence):
     return evidence.origin + evidence.voxel * np.argwhere(np.ones(evidence.state.shape, bool))
 
 
-@pytest.mark.parametrize("config", [EXACT, MaskConfig(noise=0.0, arc=0.0, room=1.0, size_px=64, forget_empty=0.0)])
+@pytest.mark.parametrize("config", [EXACT, MaskConfig(noise=0.0, arc=0.0, room=1.0, size_px=64, **ALL_TOLD)])
 def test_exact_evidence_agrees_with_the_truth(config):
     looks = [masked(random_shape(np.random.default_rng(seed), 48), config, seed) for seed in range(4)]
     for look in (look for look in looks if look is not None):
@@ -38,7 +41,7 @@ def test_exact_evidence_agrees_with_the_truth(config):
 
 
 def test_a_ball_seen_from_one_side_is_known_on_that_side():
-    look = masked(BALL, MaskConfig(noise=0.0, arc=1.0, room=0.0, points=500, size_px=64), 3)
+    look = masked(BALL, MaskConfig(noise=0.0, arc=1.0, room=0.0, points=500, size_px=64, **ALL_TOLD), 3)
     assert look.regime == "arc" and 1 <= look.views <= 6
     low, high = look.placed.box()
     world = look.cube.world_from_model(look.partial.points)
@@ -47,7 +50,7 @@ def test_a_ball_seen_from_one_side_is_known_on_that_side():
 
 
 def test_all_round_views_see_all_of_a_ball():
-    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=0.0, points=400), 0)
+    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=0.0, points=400, **ALL_TOLD), 0)
     outwards = look.partial.points - 0.5 * (look.partial.points.min(0) + look.partial.points.max(0))
     assert len(np.unique(np.sign(outwards), axis=0)) == 8
 
@@ -62,12 +65,47 @@ def test_the_other_strategies_of_table_6_keep_points_on_all_sides(strategy):
 def test_points_behind_the_object_or_out_of_the_image_are_not_visible():
     placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
     at = random_viewpoints(placed.box(), no_surroundings(), "arc", 1, 64, np.random.default_rng(0))[0]
-    view = render_view(placed, no_surroundings(), at)
-    towards = at.position.numpy() - [0, 0, 0.5]
-    towards /= np.linalg.norm(towards)
-    near, far = np.array([0, 0, 0.5]) + 0.5 * towards, np.array([0, 0, 0.5]) - 0.5 * towards
-    behind_camera = at.position.numpy() + towards
-    assert visible(np.stack([near, far, behind_camera]), view).tolist() == [True, False, False]
+    surface, _ = placed.surface(500, 0)
+    away = np.linalg.norm(surface - at.position.numpy(), axis=1)
+    near, far = surface[away.argmin()], surface[away.argmax()]
+    behind_camera = 2 * at.position.numpy() - near
+    points = np.stack([near, far, behind_camera])
+    assert visible(points, at, placed, no_surroundings()).tolist() == [True, False, False]
+
+
+def test_the_outside_of_a_thin_bowl_is_not_seen_from_within():
+    """Its wall is thinner than two pixels of the virtual cameras; the mask is of exact rays."""
+    profile = np.array([[0, 0], [0.3, 0], [0.5, 0.4], [0, 0.4]])
+    drawn_on = np.array([[0, 0], [0.3, 0], [0.5, 0.4], [0.75, 0.9], [0, 0.9]])
+    inner = CsgPart(body=Shrunk(Lathe(drawn_on), 0.03), at=(0, 0, 0), operation="difference")
+    bowl = shape_from_parts([CsgPart(body=Lathe(profile), at=(0, 0, 0)), inner], 64)
+    placed = PlacedShape(shape=bowl, matrix=np.eye(3), shift=np.zeros(3))
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[2, 3] = 3.0  # straight above, looking down
+    at = Camera(
+        focal_px=torch.full((2,), 120.0, dtype=torch.float64),
+        centre_px=torch.full((2,), 36.0, dtype=torch.float64),
+        width=72,
+        height=72,
+        world_from_cam=torch.from_numpy(pose),
+    )
+    points, normals = placed.surface(4000, 0)
+    seen = visible(points, at, placed, no_surroundings())
+    up = normals[:, 2]
+    assert seen[up > 0.2].mean() > 0.97
+    assert seen[up < -0.05].mean() < 0.01  # two pixels' slack keeps a third of them
+
+
+def test_a_wall_before_an_object_hides_it():
+    placed = PlacedShape(shape=BALL, matrix=np.eye(3), shift=np.zeros(3))
+    at = random_viewpoints(placed.box(), no_surroundings(), "arc", 1, 64, np.random.default_rng(0))[0]
+    middle = at.position.numpy() * 0.5 + [0, 0, 0.25]
+    across = np.cross(at.position.numpy(), [0, 0, 1.0])
+    corners = middle + np.stack([-5 * across - [0, 0, 5], 5 * across - [0, 0, 5], [0, 0, 9]])
+    wall = TriangleScene(corners.astype(np.float32), np.array([[0, 1, 2]], np.int32))
+    points, _ = placed.surface(300, 0)
+    assert visible(points, at, placed, no_surroundings()).any()
+    assert not visible(points, at, placed, replace(no_surroundings(), scene=wall)).any()
 
 
 def test_forgotten_space_leaves_no_empty_voxel():
@@ -125,7 +163,7 @@ def test_batches_depend_on_their_number_alone():
 
 
 def test_queries_are_where_something_is_to_be_decided():
-    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=1.0), 5)
+    look = masked(BALL, MaskConfig(noise=0.0, arc=0.0, room=1.0, **ALL_TOLD), 5)
     channels = evidence_channels(look.partial.evidence, 16)
     batch = make_batch(lambda _: BALL, LoaderConfig(batch=1, masks=1, queries=2000), MaskConfig(), 16, (1,))
     near = batch.distance.abs() < 0.1

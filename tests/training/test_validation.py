@@ -13,7 +13,13 @@ NETWORK = build(LiteConfig(cells=16, fine=8, middle=16, width=24, blocks=1, head
 
 @pytest.fixture(scope="module")
 def case():
-    looked = mask(BALL, MaskConfig(arc=1.0, room=0.0, noise=0.0, forget_empty=0.0), np.random.default_rng(0))
+    looked = mask(
+        BALL,
+        MaskConfig(
+            arc=1.0, room=0.0, front=0.0, bare=0.0, contacts=0.0, halves=0.0, wide=0.0, noise=0.0, forget_empty=0.0
+        ),
+        np.random.default_rng(0),
+    )
     return case_of(looked, 32)
 
 

@@ -29,6 +29,8 @@ _NEAR, _WIDE = 0.01, 0.02
 """Thresholds of F, in longest sides of the true box."""
 _PICTURED = 4
 _TRIES = 8
+_AS_SEEN = {"front": 0.0, "forget_empty": 0.0, "bare": 0.0, "contacts": 0.0, "halves": 0.0, "wide": 0.0, "jitter": 0.0}
+"""What training varies and scoring does not."""
 _SHARP_PX = 144
 """Side of the depth images that see all of a shape, twice those of training: thin walls need more than 72 pixels."""
 
@@ -184,13 +186,12 @@ def _cases(solid: WatertightShape, config: EvalConfig, index: int) -> Iterator[t
 
 def _masking(group: str, config: EvalConfig) -> MaskConfig:
     if group == "complete":
-        return MaskConfig(strategy="none", size_px=_SHARP_PX, noise=0.0, forget_empty=0.0, jitter=0.0)
+        return MaskConfig(strategy="none", size_px=_SHARP_PX, noise=0.0, **_AS_SEEN)
     return MaskConfig(
         arc=0.0 if group == "room" else 1.0,
         room=1.0 if group == "room" else 0.0,
         noise=config.noise,
-        forget_empty=0.0,
-        jitter=0.0,
+        **_AS_SEEN,
     )
 
 

@@ -318,4 +318,36 @@ def plant(random: Random) -> list[CsgPart]:
     return parts
 
 
-FURNITURE: tuple[Maker, ...] = (table, chair, shelf, drawers, sofa, bed, lamp, appliance, plant, table, shelf)
+def cupboard(random: Random) -> list[CsgPart]:
+    """Closed bodies as stand against walls: wardrobes, sideboards, refrigerators, kitchen units, chests."""
+    width, depth = random.uniform(0.4, 2.2), random.uniform(0.3, 0.75)
+    height = random.uniform(0.5, 2.2)
+    longest = max(width, depth, height)
+    foot = random.uniform(0.03, 0.2) * (random.random() < 0.5)
+    parts = [_block((width, depth, height - foot), (0, 0, foot), random.choice([0.0, 0.0, 0.02, 0.05]))]
+    front = -depth / 2
+    columns, rows = random.integers(1, 5), random.integers(1, 4)
+    groove, deep = 0.015 * longest, random.uniform(0.01, 0.02) * longest
+    for i in range(1, columns):  # doors and drawers are grooves in the front
+        x = (i / columns - 0.5) * width
+        cut = Box((groove, 2 * deep, 0.92 * (height - foot)))
+        parts.append(CsgPart(body=cut, at=(x, front, foot + (height - foot) / 2), operation="difference"))
+    for j in range(1, rows):
+        z = foot + j / rows * (height - foot)
+        parts.append(CsgPart(body=Box((0.94 * width, 2 * deep, groove)), at=(0, front, z), operation="difference"))
+    if random.random() < 0.5:
+        for i in range(columns):
+            x = ((i + random.choice([0.2, 0.8])) / columns - 0.5) * width
+            grip = Box((1.5 * groove, 2 * deep, 0.1 * height))
+            parts.append(CsgPart(body=grip, at=(x, front - deep, foot + 0.5 * (height - foot))))
+    if random.random() < 0.4:
+        parts.append(_block((1.04 * width, 1.06 * depth, 0.03 * longest), (0, 0, height)))
+    if foot and random.random() < 0.6:
+        parts += _legs(random, width, depth, foot + 0.01, longest)
+    elif foot:
+        parts.append(_block((0.94 * width, 0.88 * depth, foot + 0.01), (0, 0.04 * depth, 0)))
+    return parts
+
+
+_OFTEN = (table, shelf, cupboard)
+FURNITURE: tuple[Maker, ...] = (table, chair, shelf, drawers, sofa, bed, lamp, appliance, plant, cupboard, *_OFTEN)

@@ -3,23 +3,24 @@
 Depth is ray-cast, degraded as splats and sensors degrade it, and fused by the code that fuses real captures.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Literal
 
 import numpy as np
 import torch
 from jaxtyping import Bool, Float32, Float64, Int16
 
-from goc.complete import Cube, PartialObject, bounding_cube, partial_object
+from goc.complete import SIDE, Cube, PartialObject, bounding_cube, partial_object
 from goc.errors import ConfigError
 from goc.extract import ExtractConfig
 from goc.fusion.depth_views import DepthView
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import Volume
 from goc.geometry.rays import world_rays
-from goc.scene import Camera, Evidence, EvidenceGrid
+from goc.scene import Camera, EvidenceGrid
 from goc.settings import Amount, CountOrNone, Range, Settings, Share
 from goc.synth.noise import fractal_noise
+from goc.training.cuts import cut_in_half, with_contact_planes, without_empty
 from goc.training.placement import PlacedShape, random_placement
 from goc.training.surroundings import Surroundings, no_surroundings, random_surroundings
 from goc.training.viewpoints import Regime, random_viewpoints
@@ -31,6 +32,10 @@ _GRAZING = 0.12
 """Cosine below which a pixel is not trusted, as fusion of real depth does not."""
 _FAR = 10.0
 """Depth of rays that meet nothing, in longest sides."""
+_SLACK = 1e-3
+"""How much nearer than a point a ray to it may end for the point to be seen, in the object's longest sides."""
+_UNCUT = np.array([0.0, 0.0, 0.0, np.inf])
+"""A plane beyond which there is nothing."""
 _BAND = 3.0 / 128.0
 """Truncation of the evidence of real objects, in longest sides: three voxels of 128."""
 
@@ -43,14 +48,25 @@ class MaskConfig(Settings):
     """visible: what cameras see (the paper's choice). random: half of the points. none: the whole surface. Table 6."""
     size_px: Annotated[int, Range(least=8, most=4096)] = 72
     """Side of the virtual depth images."""
-    arc: Share = 0.5
+    arc: Share = 0.35
     """Share of objects seen in 1 to 6 views on an arc."""
-    room: Share = 0.4
-    """Share seen in 8 to 17 views as a room is scanned; what is left is seen from all round, alone."""
+    room: Share = 0.3
+    """Share seen in 8 to 17 views as a room is scanned."""
+    front: Share = 0.25
+    """Share seen in 1 to 4 views from the front, against a wall or in a corner, as cupboards and beds are; what is left
+    is seen from all round, alone."""
     noise: Amount = 1.0
     """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
-    forget_empty: Share = 0.1
+    forget_empty: Share = 0.12
     """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
+    bare: Share = 0.08
+    """Share whose cameras tell of the object alone, as a scan cut out of its surroundings does."""
+    contacts: Share = 0.5
+    """Share of objects with a support or walls whose space behind those is known to be empty."""
+    halves: Share = 0.08
+    """Share of which all beyond a plane is forgotten."""
+    wide: Share = 0.2
+    """Share in a wider cube than the rule gives, with evidence to the end of a wider box."""
     points: CountOrNone = 0
     """Points of the seen surface to keep; 0 where the network takes evidence alone."""
     jitter: Annotated[float, Range(least=0, below=1)] = 0.04
@@ -59,8 +75,9 @@ class MaskConfig(Settings):
     def __post_init__(self) -> None:
         """Refuse shares that are more than the whole."""
         super().__post_init__()
-        if self.arc + self.room > 1 + 1e-9:
-            text = f"{{arc}} is {self.arc:g} and {{room}} {self.room:g}: needs shares that are at most 1 together."
+        if self.arc + self.room + self.front > 1 + 1e-9:
+            shares = f"{{arc}} is {self.arc:g}, {{room}} {self.room:g} and {{front}} {self.front:g}"
+            text = f"{shares}: needs shares that are at most 1 together."
             raise ConfigError(text, type(self))
 
 
@@ -103,18 +120,30 @@ def mask(solid: WatertightShape, config: MaskConfig, random: Random) -> MaskedOb
     regime, count = _regime(config, random)
     if config.strategy != "visible":
         regime, count = "sphere", 20
-    around = no_surroundings() if regime == "sphere" else random_surroundings(placed, yaw, random)
+    around = no_surroundings() if regime == "sphere" else random_surroundings(placed, yaw, random, regime == "front")
     viewpoints = random_viewpoints(placed.box(), around, regime, count, config.size_px, random)
     taken = [render_view(placed, around, viewpoint) for viewpoint in viewpoints]
     seen = _hit_points(taken, placed)
     if len(seen) < 60:
         return None
-    cube = _jittered(bounding_cube(seen), config.jitter, random)
     noisy = add_depth_noise(taken, placed, config.noise, random)
-    evidence = _evidence(noisy, seen, float(random.uniform(0.02, 0.2)), int(random.integers(86, 104)))
+    if random.random() < config.bare:
+        noisy = [_of_object_alone(view) for view in noisy]
+    wide = random.random() < config.wide
+    pad = float(random.uniform(0.1, 0.5) if wide else random.uniform(0.02, 0.2))
+    evidence = _evidence(noisy, seen, pad, int(random.integers(86, 104)), wide)
+    if random.random() < config.contacts:
+        reach = float(np.ptp(seen, axis=0).max())
+        slack = random.normal(0, 0.004 * reach, len(around.contacts))
+        evidence = with_contact_planes(evidence, around.contacts, slack)
     if random.random() < config.forget_empty:
-        evidence = _with_empty_forgotten(evidence)
-    points, normals = _seen_surface(placed, taken, config, random)
+        evidence = without_empty(evidence)
+    cut = _UNCUT
+    if random.random() < config.halves:
+        evidence, cut = cut_in_half(evidence, seen, random)
+        seen, wide = seen[seen @ cut[:3] <= cut[3]], True
+    cube = _jittered(bounding_cube(seen, float(random.uniform(SIDE, 1.8)) if wide else SIDE), config, random)
+    points, normals = _seen_surface(placed, around, taken, cut, config, random)
     partial = partial_object(points, normals, evidence, cube)
     return MaskedObject(placed=placed, cube=cube, partial=partial, views=len(taken), regime=regime)
 
@@ -125,6 +154,8 @@ def _regime(config: MaskConfig, random: Random) -> tuple[Regime, int]:
         return "arc", int(random.integers(1, 7))
     if draw < config.arc + config.room:
         return "room", int(random.integers(8, 18))
+    if draw < config.arc + config.room + config.front:
+        return "front", int(random.integers(1, 5))
     return "sphere", int(random.integers(12, 21))
 
 
@@ -207,13 +238,25 @@ def _hit_points(views: list[VirtualView], placed: PlacedShape) -> Float64[np.nda
     return np.concatenate(found)
 
 
-def _jittered(cube: Cube, jitter: float, random: Random) -> Cube:
+def _of_object_alone(view: VirtualView) -> VirtualView:
+    """The view without depth wherever it does not show the object."""
+    depth, slope = (np.where(view.ids == _OBJECT, field, np.float32(np.nan)) for field in (view.depth, view.slope))
+    return replace(view, depth=depth, slope=slope)
+
+
+def _jittered(cube: Cube, config: MaskConfig, random: Random) -> Cube:
+    jitter = config.jitter
     shift = random.uniform(-jitter, jitter, 3) * cube.side
     return Cube(centre=cube.centre + shift, side=cube.side * float(random.uniform(1 - jitter, 1 + 3 * jitter)))
 
 
-def _evidence(views: list[VirtualView], seen: Float64[np.ndarray, "p 3"], pad: float, cells: int) -> EvidenceGrid:
-    """Fuse views as `goc.extract` does for a real object, on a somewhat coarser grid with the same band."""
+def _evidence(
+    views: list[VirtualView], seen: Float64[np.ndarray, "p 3"], pad: float, cells: int, uncut: bool = False
+) -> EvidenceGrid:
+    """Fuse views as `goc.extract` does for a real object, on a somewhat coarser grid with the same band.
+
+    `uncut` keeps all of the padding, also where no ray passed.
+    """
     longest = float(np.ptp(seen, axis=0).max())
     config = ExtractConfig(
         evidence_cells=cells,
@@ -225,26 +268,29 @@ def _evidence(views: list[VirtualView], seen: Float64[np.ndarray, "p 3"], pad: f
     volume = Volume(evidence_block_grid(points, 1.0, config))
     for view in views:
         volume.add(view.for_fusion(), wanted=_OBJECT)
+    if uncut:
+        room = np.float32(config.evidence_pad)
+        points = np.stack([points.min(axis=0) - room, points.max(axis=0) + room])
     return evidence_grid(volume, points, config)
 
 
-def _with_empty_forgotten(evidence: EvidenceGrid) -> EvidenceGrid:
-    state = np.where(evidence.state == Evidence.EMPTY, Evidence.UNKNOWN, evidence.state).astype(np.uint8)
-    return EvidenceGrid(origin=evidence.origin, voxel=evidence.voxel, state=state, sdf=evidence.sdf)
-
-
 def _seen_surface(
-    placed: PlacedShape, views: list[VirtualView], config: MaskConfig, random: Random
+    placed: PlacedShape,
+    around: Surroundings,
+    views: list[VirtualView],
+    cut: Float64[np.ndarray, "4"],
+    config: MaskConfig,
+    random: Random,
 ) -> tuple[Float32[np.ndarray, "p 3"], Float32[np.ndarray, "p 3"]]:
     """P_s with normals: uniform samples of the surface, those that no camera sees left out, and Gaussian noise."""
     if config.points == 0:
         return np.zeros((0, 3), np.float32), np.zeros((0, 3), np.float32)
     points, normals = placed.surface(4 * config.points, int(random.integers(2**31)))
-    keep = np.ones(len(points), bool)
+    keep = points @ cut[:3] <= cut[3]
     if config.strategy == "visible":
-        keep = np.any([visible(points, view) for view in views], 0)
+        keep &= np.any([visible(points, view.at, placed, around) for view in views], 0)
     elif config.strategy == "random":
-        keep = random.random(len(points)) < 0.5
+        keep &= random.random(len(points)) < 0.5
     rows = np.flatnonzero(keep)
     if len(rows) == 0:
         rows = np.arange(len(points))
@@ -254,10 +300,19 @@ def _seen_surface(
     return (points[rows] + random.normal(0, sigma, (len(rows), 3))).astype(np.float32), normals[rows].astype(np.float32)
 
 
-def visible(points: Float64[np.ndarray, "p 3"], view: VirtualView) -> Bool[np.ndarray, "p"]:
-    """Which points a view sees: inside its image, and at most two pixels' width behind the object's depth there."""
-    pixels, depth = (found.numpy() for found in view.at.project(torch.from_numpy(points)))
-    inside = view.at.sees(torch.from_numpy(points)).numpy()
-    column, row = np.where(inside[:, None], np.minimum(pixels, view.at.width - 1), 0).astype(np.int64).T
-    slack = 2.0 * depth / float(view.at.focal_px[0])
-    return inside & (depth < view.depth[row, column] + slack) & (view.ids[row, column] == _OBJECT)
+def visible(
+    points: Float64[np.ndarray, "p 3"], at: Camera, placed: PlacedShape, around: Surroundings
+) -> Bool[np.ndarray, "p"]:
+    """Which points of an object's surface a camera sees: in its image, and with nothing on the line to them."""
+    seen = at.sees(torch.from_numpy(points)).numpy()
+    directions = points[seen] - at.position.numpy()
+    origins = np.broadcast_to(at.position.numpy(), directions.shape)
+    low, high = placed.box()
+    nearest = 1.0 - _SLACK * float((high - low).max()) / np.linalg.norm(directions, axis=1)
+    hits, _ = placed.closest_hit(origins, directions)
+    hidden = hits.found & (hits.t < nearest)
+    if around.scene is not None:
+        other = around.scene.closest_hit(origins, directions)
+        hidden |= other.found & (other.t < nearest)
+    seen[seen] = ~hidden
+    return seen

@@ -21,6 +21,8 @@ class Surroundings:
     """Planes n·x = d with n pointing into the room."""
     lowest: float
     """No camera is below this height."""
+    contacts: Float64[np.ndarray, "m 4"]
+    """Planes n·x = d behind which no part of the object can be: the walls, and what it stands on."""
 
     def allows(self, position: Float64[np.ndarray, "3"]) -> bool:
         """Whether a camera can be there."""
@@ -30,26 +32,30 @@ class Surroundings:
 
 def no_surroundings() -> Surroundings:
     """No occluders: a shape alone, visible from everywhere."""
-    return Surroundings(scene=None, walls=np.zeros((0, 4)), lowest=-np.inf)
+    return Surroundings(scene=None, walls=np.zeros((0, 4)), lowest=-np.inf, contacts=np.zeros((0, 4)))
 
 
-def random_surroundings(placed: PlacedShape, yaw: float, random: Random) -> Surroundings:
-    """A room in which the object stands on the floor or on a table, near no, one or two walls, among other boxes."""
+def random_surroundings(placed: PlacedShape, yaw: float, random: Random, backed: bool = False) -> Surroundings:
+    """A room in which the object stands on the floor or on a table, near no, one or two walls, among other boxes.
+
+    `backed`: at least one wall is close behind it.
+    """
     low, high = placed.box()
     middle, reach = (low + high) / 2, float((high - low).max())
     bodies: list[tuple[np.ndarray, np.ndarray]] = []
     support = random.random()
     lowest = 0.05
     if support < 0.6:  # on the floor
-        floor = -random.uniform(0, 0.01)
+        floor = stand = -random.uniform(0, 0.01)
     else:  # on a table, or hung up: the floor is further down
         floor = -random.uniform(0.3, 1.5)
-        lowest = floor + 0.05
+        stand, lowest = floor, floor + 0.05
         if support < 0.9:
             top = np.array([*(high - low)[:2] * random.uniform(0.8, 2.5, 2), 0.05])
             shift = random.uniform(-0.3, 0.3, 2) * top[:2] * 0.5
-            bodies.append(_box(top, np.array([*middle[:2] + shift, -0.025 - random.uniform(0, 0.01)]), yaw))
-    walls = _walls(low, high, yaw, random)
+            stand = -random.uniform(0, 0.01)
+            bodies.append(_box(top, np.array([*middle[:2] + shift, stand - 0.025]), yaw))
+    walls = _walls(low, high, yaw, random, backed)
     for _ in range(random.integers(0, 5)):
         bodies.append(_neighbour(middle, reach, floor, random))
     if random.random() < 0.15:  # something stands on the object
@@ -57,19 +63,22 @@ def random_surroundings(placed: PlacedShape, yaw: float, random: Random) -> Surr
         spot = random.uniform(low, high) * [1, 1, 0] + [0, 0, high[2] + sides[2] / 2]
         bodies.append(_box(sides, spot, random.uniform(0, np.pi)))
     bodies += _shell(middle, reach * random.uniform(3, 6), floor, walls)
-    return Surroundings(scene=_joined(bodies), walls=walls, lowest=lowest)
+    contacts = np.concatenate([walls, [[0.0, 0.0, 1.0, stand]]])
+    return Surroundings(scene=_joined(bodies), walls=walls, lowest=lowest, contacts=contacts)
 
 
-def _walls(low: np.ndarray, high: np.ndarray, yaw: float, random: Random) -> Float64[np.ndarray, "k 4"]:
+def _walls(low: np.ndarray, high: np.ndarray, yaw: float, random: Random, backed: bool) -> Float64[np.ndarray, "k 4"]:
     """Up to two walls beside the object: behind it (its +y) more often than elsewhere, aligned with it as a rule."""
-    count = random.choice([0, 1, 2], p=[0.4, 0.4, 0.2])
+    count = random.choice([0, 1, 2], p=[0.0, 0.5, 0.5] if backed else [0.4, 0.4, 0.2])
     angle = yaw if random.random() < 0.8 else random.uniform(0, 2 * np.pi)
-    first = random.choice([1, 0, 2, 3], p=[0.55, 0.15, 0.15, 0.15])  # quarter turns from +x
+    behind = 0.85 if backed else 0.55
+    first = random.choice([1, 0, 2, 3], p=[behind, *[(1 - behind) / 3] * 3])  # quarter turns from +x
     planes = []
     corners = np.stack(np.meshgrid(*zip(low, high, strict=True), indexing="ij"), -1).reshape(-1, 3)
     for turn in (first, first + random.choice([-1, 1]))[:count]:
         outwards = np.array([np.cos(angle + turn * np.pi / 2), np.sin(angle + turn * np.pi / 2), 0.0])
-        gap = random.choice([random.uniform(0, 0.03), random.uniform(0.03, 0.4)])
+        near, far = random.uniform(0, 0.03), random.uniform(0.03, 0.4)
+        gap = near if backed else random.choice([near, far])
         planes.append([*-outwards, -(corners @ outwards).max() - gap])
     return np.array(planes).reshape(-1, 4)
 

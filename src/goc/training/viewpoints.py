@@ -10,7 +10,7 @@ from goc.scene.camera import Camera
 from goc.training.surroundings import Surroundings
 
 Random = np.random.Generator
-Regime = Literal["arc", "room", "sphere"]
+Regime = Literal["arc", "room", "front", "sphere"]
 
 
 def random_viewpoints(
@@ -25,9 +25,8 @@ def random_viewpoints(
     low, high = box
     middle, reach = (low + high) / 2, float((high - low).max())
     towards = random.uniform(0, 2 * np.pi)
-    span = {"arc": np.deg2rad(random.uniform(60, 180)), "room": np.deg2rad(random.uniform(140, 360))}.get(
-        regime, 2 * np.pi
-    )
+    least, most = {"arc": (60, 180), "room": (140, 360), "front": (10, 110)}.get(regime, (360, 360))
+    span = np.deg2rad(random.uniform(least, most))
     if len(around.walls):  # people stand in the room
         inward = around.walls[:, :2].sum(0)
         towards = np.arctan2(inward[1], inward[0]) + random.normal(0, 0.5)
@@ -59,7 +58,7 @@ def _camera(focal: float, size: int, pose: Float64[np.ndarray, "4 4"]) -> Camera
 
 def _elevation(regime: Regime, level: float, random: Random) -> float:
     match regime:
-        case "arc":  # one height, held by hand
+        case "arc" | "front":  # one height, held by hand
             return float(np.deg2rad(np.clip(level + random.normal(0, 7), -10, 80)))
         case "room":
             return float(np.deg2rad(random.uniform(-15, 65)))
