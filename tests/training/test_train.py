@@ -18,7 +18,7 @@ from goc.training.masking import MaskConfig
 from goc.training.primitives import Box, Cylinder
 from goc.training.samples import LoaderConfig, make_batch
 from goc.training.state import initial_state
-from goc.training.train import rate_factor, step, train
+from goc.training.train import has_bf16, rate_factor, step, train
 from goc.training.watertight_shape import CsgPart, shape_from_parts
 
 STOOL = shape_from_parts(
@@ -44,6 +44,13 @@ def tiny(monkeypatch):
     """Trainings of a network that takes no time."""
     monkeypatch.setattr(TrainConfig, "network", lambda self: SMALL)
     monkeypatch.setattr(training, "_VALIDATION_SHAPES", 2)
+
+
+@pytest.mark.parametrize(("can", "told"), [("AVX2", False), ("DEFAULT", False), ("AVX512", True)])
+def test_only_cpus_that_have_it_multiply_in_bfloat16(monkeypatch, can, told):
+    monkeypatch.setattr(torch.backends.cpu, "get_cpu_capability", lambda: can)
+    assert has_bf16(torch.device("cpu")) is told
+    assert has_bf16(torch.device("cuda"))
 
 
 def test_a_training_begins_from_given_weights(tiny, tmp_path):

@@ -159,6 +159,11 @@ def rate_factor(share: float, warmup: float) -> float:
     return min(share / warmup if warmup > 0 else 1.0, (1.0 - share) / (1.0 - warmup), 1.0)
 
 
+def has_bf16(device: torch.device) -> bool:
+    """Whether a device multiplies in bfloat16 itself: GPUs do, and CPUs with more than AVX2."""
+    return device.type != "cpu" or torch.backends.cpu.get_cpu_capability() not in ("DEFAULT", "NO AVX", "AVX2")
+
+
 def step(state: TrainState, batch: TrainingBatch, config: TrainConfig, world: int = 1) -> dict[str, float]:
     """One step of AdamW and of the running mean; gives the terms of the loss and the IoU at the queries.
 
@@ -172,7 +177,8 @@ def step(state: TrainState, batch: TrainingBatch, config: TrainConfig, world: in
         group["lr"] = config.optimiser.rate * max(0.0, rate_factor(share, config.optimiser.warmup))
     torch.manual_seed(int(np.random.SeedSequence([config.seed, state.step]).generate_state(1)[0]))
     state.network.train()
-    with torch.autocast(batch.queries.device.type, torch.bfloat16, enabled=config.optimiser.bf16):
+    device = batch.queries.device
+    with torch.autocast(device.type, torch.bfloat16, enabled=config.optimiser.bf16 and has_bf16(device)):
         logits, divergence = state.network(batch.seen, batch.queries)
     terms = completion_loss(logits.float(), divergence.float(), batch.distance, config.losses)
     if not math.isfinite(terms["loss"].item()):
