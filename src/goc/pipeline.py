@@ -10,7 +10,7 @@ from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.device import DeviceName, working_device
 from goc.events import Listener, ignore
 from goc.export import ExportConfig, export_scene
-from goc.extract import ExtractConfig, WorldConfig, extract_scene, rendered_views
+from goc.extract import ExtractConfig, WorldConfig, extract_scene, measured_views, rendered_views
 from goc.files import as_json
 from goc.files.layout import OVERVIEW, REPORT
 from goc.priors import PriorsConfig, SegmentConfig, add_priors, segment
@@ -99,14 +99,16 @@ def carve(
             with run.stage("segment"):
                 views, splats = _told_apart(views, splats, config.segment, engine.device, run)
         with run.stage("extract"):
-            scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
-            scene = replace(scene, settings=as_json(used))
+            measured = measured_views(capture, views, run)
+            views, noise = measured.views, measured.noise
+            scene = extract_scene(splats, views, config.extract, config.world, run, engine.device, noise)
+            scene = replace(scene, settings=as_json(used), metrics=scene.metrics | measured.metrics)
         with run.stage("complete"):
             scene = complete_objects(scene, config.complete, run, working_device(config.device))
         with run.stage("export"):
             export_scene(output.staged, scene)
             write_overview(output.staged / OVERVIEW, scene, views, _title(source), config.export.overview_views, run)
-        write_report(output.staged / REPORT, source, given, scene, run, used)
+        write_report(output.staged / REPORT, source, given, scene, run, used, measured.errors)
         output.publish()
     return scene
 

@@ -2,8 +2,19 @@
 
 from goc.extract.config import ExtractConfig, WorldConfig
 from goc.extract.fuse import fuse_scene
+from goc.extract.measured_views import DepthError, MeasuredViews, measured_views
 from goc.extract.objects import extract_objects
 from goc.extract.rendered_views import rendered_views
 from goc.extract.stage import extract_scene
 
-__all__ = ["ExtractConfig", "WorldConfig", "extract_objects", "extract_scene", "fuse_scene", "rendered_views"]
+__all__ = [
+    "DepthError",
+    "ExtractConfig",
+    "MeasuredViews",
+    "WorldConfig",
+    "extract_objects",
+    "extract_scene",
+    "fuse_scene",
+    "measured_views",
+    "rendered_views",
+]

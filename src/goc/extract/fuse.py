@@ -13,6 +13,7 @@ from goc.extract.clean import without_floaters
 from goc.extract.config import ExtractConfig
 from goc.fusion.cell_counts import CellCounts, count_cells
 from goc.fusion.depth_views import depth_views
+from goc.fusion.detail import DepthNoise, Detail, PixelSizes
 from goc.fusion.device_volume import fuse_views
 from goc.fusion.volume import BlockGrid, Volume, blocks_near, fused_surface
 from goc.scene import Capture, Mesh
@@ -21,7 +22,13 @@ _SCENE_FLOATER_SHARE = 1e-4
 """Share of the scene's area below which a loose piece is a floater: 1 dm² in a room."""
 
 
-def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore, device: torch.device = CPU) -> Mesh:
+def fuse_scene(
+    views: Capture,
+    config: ExtractConfig,
+    notify: Listener = ignore,
+    device: torch.device = CPU,
+    noise: DepthNoise | None = None,
+) -> Mesh:
     """Mesh everything the views saw, with colours; surfaces that nobody saw stay open.
 
     Args:
@@ -29,13 +36,15 @@ def fuse_scene(views: Capture, config: ExtractConfig, notify: Listener = ignore,
         config: Voxel and votes.
         notify: Hears progress, and a warning where the scene is too large for its voxel.
         device: Where views are fused.
+        noise: Of the views' depth, where it was measured.
 
     Raises:
         ExtractError: no view has depth, or no surface is left.
     """
     size = 2.0 * config.scene_voxel * views.units_per_metre
-    cells = count_cells(depth_views(views, "find surfaces", notify), size, by_id=False)
-    grid = _block_grid(cells, views.units_per_metre, config, notify)
+    sizes = PixelSizes()
+    cells = count_cells(sizes.watched(depth_views(views, "find surfaces", notify)), size, by_id=False)
+    grid = _block_grid(cells, views.units_per_metre, config, notify, sizes.detail(None, noise))
     (volume,) = fuse_views([grid], [None], depth_views(views, "fuse scene", notify), device)
     least = min(config.min_views, math.ceil(len(views) / 10))
     distance = np.where(volume.views >= least, voted_distance(volume, config), np.float32(np.nan))
@@ -56,10 +65,12 @@ def voted_distance(volume: Volume, config: ExtractConfig) -> Float32[np.ndarray,
     return voted
 
 
-def _block_grid(cells: CellCounts, units_per_metre: float, config: ExtractConfig, notify: Listener) -> BlockGrid:
+def _block_grid(
+    cells: CellCounts, units_per_metre: float, config: ExtractConfig, notify: Listener, detail: Detail
+) -> BlockGrid:
     voxel, origin = config.scene_voxel * units_per_metre, np.zeros(3)
     while True:
-        truncation = config.truncation_voxels * voxel
+        truncation = detail.band(voxel, config)
         blocks = blocks_near(cells.index, cells.size, origin, voxel, truncation)
         if len(blocks) <= config.memory_blocks:
             break

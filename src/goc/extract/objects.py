@@ -14,6 +14,7 @@ from goc.extract.config import ExtractConfig
 from goc.extract.fuse import voted_distance
 from goc.fusion.cell_counts import count_cells, object_cells
 from goc.fusion.depth_views import DepthView, depth_views
+from goc.fusion.detail import DepthNoise, Detail, PixelSizes
 from goc.fusion.device_volume import fuse_views
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import BlockGrid, FusedSurface, Volume, blocks_near, fused_surface
@@ -26,7 +27,11 @@ _CLEAR_LOOK = 0.02
 
 
 def extract_objects(
-    views: Capture, config: ExtractConfig, notify: Listener = ignore, device: torch.device = CPU
+    views: Capture,
+    config: ExtractConfig,
+    notify: Listener = ignore,
+    device: torch.device = CPU,
+    noise: DepthNoise | None = None,
 ) -> tuple[SceneObject, ...]:
     """Mesh every object from the depth of its own pixels; other rays say where it is not.
 
@@ -35,6 +40,7 @@ def extract_objects(
         config: Voxels, votes and the evidence box.
         notify: Hears progress and warnings.
         device: Where views are fused.
+        noise: Of the views' depth, where it was measured; with the pixels' size it sets voxels and bands.
 
     Returns:
         Objects in the order of their ids, each with its open `observed` surface and its evidence, scene units.
@@ -48,14 +54,7 @@ def extract_objects(
     def depths(stage: str) -> Callable[[], Iterator[DepthView]]:
         return lambda: depth_views(views, stage, notify)
 
-    cells = count_cells(depths("find objects")(), _CELL * views.units_per_metre, by_id=True)
-    grids: dict[int, BlockGrid] = {}
-    for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.id_names)):
-        own = object_cells(cells, wanted) if wanted > ROOM else None
-        if own is not None and len(own) > 0:
-            grids[wanted] = _object_grid(own, cells.size, views.units_per_metre, config)
-        elif own is not None:
-            notify(_missing(wanted, views))
+    grids, details = _object_grids(views, depths("find objects")(), config, noise, notify)
     surfaces: dict[int, FusedSurface] = {}
     for wanted, volume in _fused_volumes(grids, depths("fuse objects"), config, device):
         cleaned = without_floaters(fused_surface(volume, voted_distance(volume, config)), config.floater_share)
@@ -64,7 +63,7 @@ def extract_objects(
         else:
             notify(_missing(wanted, views))
     boxes = {
-        wanted: evidence_block_grid(found.mesh.vertices, views.units_per_metre, config)
+        wanted: evidence_block_grid(found.mesh.vertices, views.units_per_metre, config, details[wanted])
         for wanted, found in surfaces.items()
     }
     return tuple(
@@ -88,14 +87,33 @@ def _open_object(wanted: int, found: FusedSurface, evidence: EvidenceGrid, views
     )
 
 
+def _object_grids(
+    views: Capture, depths: Iterator[DepthView], config: ExtractConfig, noise: DepthNoise | None, notify: Listener
+) -> tuple[dict[int, BlockGrid], dict[int, Detail]]:
+    """Where each object is, as the voxels round it, and how finely it was measured."""
+    sizes = PixelSizes()
+    cells = count_cells(sizes.watched(depths), _CELL * views.units_per_metre, by_id=True)
+    grids: dict[int, BlockGrid] = {}
+    details: dict[int, Detail] = {}
+    for wanted in sorted({int(i) for i in np.unique(cells.ids)} | set(views.id_names)):
+        own = object_cells(cells, wanted) if wanted > ROOM else None
+        if own is not None and len(own) > 0:
+            details[wanted] = sizes.detail(wanted, noise)
+            grids[wanted] = _object_grid(own, cells.size, views.units_per_metre, config, details[wanted])
+        elif own is not None:
+            notify(_missing(wanted, views))
+    return grids, details
+
+
 def _object_grid(
-    own: Int32[np.ndarray, "n 3"], size: float, units_per_metre: float, config: ExtractConfig
+    own: Int32[np.ndarray, "n 3"], size: float, units_per_metre: float, config: ExtractConfig, detail: Detail
 ) -> BlockGrid:
     longest = float((own.max(axis=0) + 1 - own.min(axis=0)).max()) * size
     voxel = max(
-        min(config.object_voxel * units_per_metre, longest / config.object_cells), config.finest_voxel * units_per_metre
+        min(config.object_voxel * units_per_metre, longest / config.object_cells),
+        detail.finest(config, units_per_metre),
     )
-    reach = config.truncation_voxels * voxel
+    reach = detail.band(voxel, config)
     blocks = blocks_near(own, size, np.zeros(3), voxel, reach)
     return BlockGrid(origin=np.zeros(3), voxel=voxel, truncation=reach, blocks=blocks)
 

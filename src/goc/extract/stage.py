@@ -10,6 +10,7 @@ from goc.extract.config import ExtractConfig, WorldConfig
 from goc.extract.fuse import fuse_scene
 from goc.extract.objects import extract_objects
 from goc.extract.world import find_world
+from goc.fusion.detail import DepthNoise
 from goc.scene import Capture, Reconstruction, Scene
 
 
@@ -20,16 +21,18 @@ def extract_scene(
     world: WorldConfig,
     notify: Listener = ignore,
     device: torch.device = CPU,
+    noise: DepthNoise | None = None,
 ) -> Scene:
     """Mesh the scene and every object in it, and find the scene's world.
 
     Args:
         splats: what the scene is made of; each object gets those of its id.
-        views: photographs with the splats' depth and ids (`rendered_views`).
+        views: photographs with depth and ids (`measured_views`).
         config: voxels, votes and the evidence boxes.
         world: up and floor, where the user knows them.
         notify: hears progress and warnings.
         device: where views are fused.
+        noise: of the views' depth, where it was measured.
 
     Returns:
         Open objects with evidence, ascending ids, in the capture's world and units; nothing is closed yet.
@@ -37,8 +40,8 @@ def extract_scene(
     Raises:
         ExtractError: no view has ids or depth, or no surface is left.
     """
-    mesh = fuse_scene(views, config, notify, device)
-    objects = extract_objects(views, config, notify, device)
+    mesh = fuse_scene(views, config, notify, device, noise)
+    objects = extract_objects(views, config, notify, device, noise)
     return Scene(
         splats=splats.gaussians,
         labels=splats.labels,

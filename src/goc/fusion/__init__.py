@@ -3,6 +3,7 @@
 from goc.fusion.cell_counts import CellCounts, count_cells, object_cells
 from goc.fusion.config import FusionConfig
 from goc.fusion.depth_views import DepthView, depth_view, depth_views
+from goc.fusion.detail import DepthNoise, Detail, PixelSizes
 from goc.fusion.device_volume import fuse_views
 from goc.fusion.evidence import evidence_block_grid, evidence_grid
 from goc.fusion.volume import BLOCK, BlockGrid, FusedSurface, Volume, blocks_near, fused_surface, zero_level
@@ -10,10 +11,13 @@ from goc.fusion.volume import BLOCK, BlockGrid, FusedSurface, Volume, blocks_nea
 __all__ = [
     "BLOCK",
     "CellCounts",
+    "DepthNoise",
     "DepthView",
+    "Detail",
     "FusionConfig",
     "BlockGrid",
     "FusedSurface",
+    "PixelSizes",
     "Volume",
     "blocks_near",
     "count_cells",

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Float32, Float64, Int64, Shaped, UInt8
 
 from goc.fusion.config import FusionConfig
+from goc.fusion.detail import Detail
 from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.scene import Evidence, EvidenceGrid
 
@@ -11,27 +12,30 @@ _KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
 
-def evidence_block_grid(points: Float32[np.ndarray, "v 3"], units_per_metre: float, config: FusionConfig) -> BlockGrid:
+def evidence_block_grid(
+    points: Float32[np.ndarray, "v 3"], units_per_metre: float, config: FusionConfig, detail: Detail | None = None
+) -> BlockGrid:
     """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
 
     Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
-    surface where it is, and can do so only as finely as this.
+    surface where it is, and can do so only as finely as this. With a `detail` of measured noise all get as many as it
+    is good for, so that thin walls are thicker than the band.
     """
     pad = config.evidence_pad * units_per_metre
     low, high = _extent(points)
     low, high = low - pad, high + pad
     longest = float((high - low).max())
-    voxel = max(
-        min(config.object_voxel * units_per_metre, longest / config.evidence_cells),
-        longest / (2 * config.evidence_cells),
-        config.finest_voxel * units_per_metre,
-    )
+    finest = config.finest_voxel * units_per_metre if detail is None else detail.finest(config, units_per_metre)
+    wanted = min(config.object_voxel * units_per_metre, longest / config.evidence_cells)
+    if detail is not None and detail.noise is not None:
+        wanted = min(wanted, finest)
+    voxel = max(wanted, longest / (2 * config.evidence_cells), finest)
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
     return BlockGrid(
         origin=low + voxel / 2,
         voxel=voxel,
-        truncation=config.truncation_voxels * voxel,
+        truncation=config.truncation_voxels * voxel if detail is None else detail.band(voxel, config),
         blocks=blocks.astype(np.int32),
     )
 

@@ -1,5 +1,6 @@
 """report.json: input, results, settings, times and machine of a run."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
@@ -8,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from goc import __version__
+from goc.extract import DepthError
 from goc.files import read_versioned, write_json
 from goc.geometry.surfaces import face_areas
 from goc.geometry.topology import is_watertight, signed_volume
@@ -81,6 +83,17 @@ class CompletionFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     area_m2: float
 
 
+class DepthErrorFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """How far the splats' depth is from the given one, over the pixels of one object."""
+
+    median_m: float
+    """Above 0: the splats lie behind."""
+    mad_m: float
+    """Median distance from that median."""
+    pixels: int
+    """That were compared."""
+
+
 class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One object."""
 
@@ -90,6 +103,8 @@ class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields
     """Share of the vertices that at least one camera measured well."""
     completion: CompletionFacts | None
     """Null where the object was not completed."""
+    depth_error: DepthErrorFacts | None = None
+    """Null where the capture has no metric depth there."""
 
 
 class WarningFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -133,7 +148,13 @@ def read_report(path: Path) -> Report:
 
 
 def write_report(
-    path: Path, source: Path, capture: Capture, scene: Scene, record: RunRecord, config: "DataclassInstance"
+    path: Path,
+    source: Path,
+    capture: Capture,
+    scene: Scene,
+    record: RunRecord,
+    config: "DataclassInstance",
+    errors: Mapping[int, DepthError] | None = None,
 ) -> None:
     """Write report.json.
 
@@ -144,6 +165,7 @@ def write_report(
         scene: the result.
         record: seconds and warnings of the run.
         config: all settings, with `reconstruct.seed` among them.
+        errors: of the splats' depth, by id, where the capture has metric depth.
     """
     settings, unit = asdict(config), scene.world.units_per_metre
     report = Report(
@@ -154,7 +176,7 @@ def write_report(
         metrics=dict(scene.metrics),
         world=_world_facts(scene),
         scene=SurfaceFacts(**_surface(scene.mesh, len(scene.splats), unit)),
-        objects=[_object_facts(item, unit) for item in scene.objects],
+        objects=[_object_facts(item, unit, (errors or {}).get(item.id)) for item in scene.objects],
         warnings=[WarningFacts(stage=warning.stage, message=warning.message) for warning in record.warnings],
         seconds={stage: round(seconds, 2) for stage, seconds in record.seconds.items()},
         peak_memory_mb=round(peak_memory_mb(), 1),
@@ -190,7 +212,7 @@ def _world_facts(scene: Scene) -> WorldFacts:
     )
 
 
-def _object_facts(item: SceneObject, units_per_metre: float) -> ObjectFacts:
+def _object_facts(item: SceneObject, units_per_metre: float, error: DepthError | None) -> ObjectFacts:
     seen = item.observed
     mesh, splats = None if seen is None else seen.mesh, 0 if item.splats is None else len(item.splats)
     return ObjectFacts(
@@ -198,7 +220,16 @@ def _object_facts(item: SceneObject, units_per_metre: float) -> ObjectFacts:
         label=item.name,
         observed_share=round(float(seen.observed.mean()), 4) if seen is not None and len(seen.observed) else 0.0,
         completion=None if item.solid is None else _completion_facts(item.solid, units_per_metre),
+        depth_error=None if error is None else _depth_error_facts(error, units_per_metre),
         **_surface(mesh, splats, units_per_metre),
+    )
+
+
+def _depth_error_facts(error: DepthError, units_per_metre: float) -> DepthErrorFacts:
+    return DepthErrorFacts(
+        median_m=round(error.median / units_per_metre, 5),
+        mad_m=round(error.mad / units_per_metre, 5),
+        pixels=error.pixels,
     )
 
 
