@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "raycast.hpp"
+#include "triangle.hpp"
 
 namespace goc {
 namespace {
@@ -13,38 +14,7 @@ namespace {
 // anything real is larger by far.
 constexpr double kTouch = 1e-10;
 
-struct Vec {
-  double x, y, z;
-  Vec operator+(Vec o) const { return {x + o.x, y + o.y, z + o.z}; }
-  Vec operator-(Vec o) const { return {x - o.x, y - o.y, z - o.z}; }
-  Vec operator*(double s) const { return {x * s, y * s, z * s}; }
-};
-
-double dot(Vec a, Vec b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
-Vec cross(Vec a, Vec b) { return {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; }
-double length(Vec a) { return std::sqrt(dot(a, a)); }
 Vec corner(const std::array<float, 9>& t, int i) { return {t[3 * i], t[3 * i + 1], t[3 * i + 2]}; }
-
-double segment_square(Vec p, Vec a, Vec b) {
-  const Vec along = b - a;
-  const double square = dot(along, along);
-  const double t = square > 0.0 ? std::clamp(dot(p - a, along) / square, 0.0, 1.0) : 0.0;
-  const Vec off = p - (a + along * t);
-  return dot(off, off);
-}
-
-// Squared distance to the face where the point is above it, else to the nearest of its edges.
-double triangle_square(Vec p, const std::array<float, 9>& t) {
-  const Vec a = corner(t, 0), b = corner(t, 1), c = corner(t, 2);
-  const Vec normal = cross(b - a, c - a);
-  const double square = dot(normal, normal);
-  if (square > 0.0 && dot(cross(b - a, p - a), normal) >= 0.0 && dot(cross(c - b, p - b), normal) >= 0.0 &&
-      dot(cross(a - c, p - c), normal) >= 0.0) {
-    const double height = dot(p - a, normal);
-    return height * height / square;
-  }
-  return std::min({segment_square(p, a, b), segment_square(p, b, c), segment_square(p, c, a)});
-}
 
 struct Interval {
   double low = INFINITY, high = -INFINITY;
@@ -110,7 +80,7 @@ Nearest TriangleBvh::nearest(const double point[3], double limit) const {
     stack.pop_back();
     if (entry.square > best_square) continue;
     for (std::uint32_t place = entry.first; place < entry.first + entry.count; ++place) {
-      const double square = triangle_square(p, corners_[place]);
+      const double square = triangle_square(p, corner(corners_[place], 0), corner(corners_[place], 1), corner(corners_[place], 2));
       const std::int32_t triangle = order_[place];
       if (square > best_square || (square == best_square && best.triangle >= 0 && triangle > best.triangle)) continue;
       best_square = square;

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import torch
 
-from goc.complete.colours import spread_colours
+from goc.complete.colours import inpainted, with_measured_colours
 from goc.complete.hull import BAND, evidence_hull, neighbour_mean, relaxed
 from goc.complete.poisson import poisson_fill
 from goc.complete.sampling import farthest_points
 from goc.complete.symmetry import POSES, posed_points, posed_volume
 from goc.geometry.surfaces import surface_cloud
-from goc.scene import Evidence, EvidenceGrid, Mesh
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh
 from laws import SCALES, SOLIDS, only, over
 from solids import moved, sphere
 
@@ -215,12 +215,16 @@ def test_poisson_moves_with_its_points():
     assert np.abs(here - there).max() < 0.05
 
 
+def spread_colours(mesh, observed, measured):
+    return inpainted(with_measured_colours(FlaggedMesh(mesh=mesh, observed=observed), measured)).mesh.colours
+
+
 @over(mesh=only(SOLIDS, "ball", "cube", "ring"))
 def test_one_measured_colour_colours_everything(mesh):
     measured = Mesh(vertices=mesh.vertices[:8], faces=mesh.faces[:1], colours=np.full((8, 3), (200, 30, 90), np.uint8))
     observed = np.zeros(len(mesh.vertices), bool)
     observed[:8] = True
-    found = spread_colours(mesh.vertices, mesh.faces, observed, measured)
+    found = spread_colours(mesh, observed, measured)
     assert np.abs(found.astype(int) - [200, 30, 90]).max() <= 1
 
 
@@ -231,7 +235,8 @@ def test_colours_stay_where_they_were_measured_and_within_their_range(scale):
     colours = random.integers(40, 200, (len(ball.vertices), 3), dtype=np.uint8)
     vertices = (scale * ball.vertices).astype(np.float32)
     observed = ball.vertices[:, 2] > 0
-    found = spread_colours(vertices, ball.faces, observed, Mesh(vertices=vertices, faces=ball.faces, colours=colours))
+    here = Mesh(vertices=vertices, faces=ball.faces, colours=colours)
+    found = spread_colours(here, observed, here)
     assert np.abs(found[observed].astype(int) - colours[observed]).max() <= 2  # the nearest outweighs three others
     assert found.min() >= 39 and found.max() <= 200
 
@@ -239,7 +244,7 @@ def test_colours_stay_where_they_were_measured_and_within_their_range(scale):
 def test_without_colours_or_vertices_there_is_nothing_to_spread():
     ball, none = sphere(rings=6), np.zeros((0, 3))
     seen = np.ones(len(ball.vertices), bool)
-    assert spread_colours(ball.vertices, ball.faces, seen, ball) is None
+    assert spread_colours(ball, seen, ball) is None
     empty = Mesh(vertices=none.astype(np.float32), faces=none.astype(np.int32), colours=none.astype(np.uint8))
-    assert not spread_colours(ball.vertices, ball.faces, seen, empty).any()
-    assert spread_colours(empty.vertices, empty.faces, np.zeros(0, bool), empty).shape == (0, 3)
+    assert not spread_colours(ball, seen, empty).any()
+    assert spread_colours(empty, np.zeros(0, bool), empty).shape == (0, 3)

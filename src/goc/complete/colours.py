@@ -1,43 +1,54 @@
 """Vertex colours of a completed mesh: measured where it was seen, spread smoothly from there elsewhere."""
 
+from dataclasses import replace
+
 import numpy as np
-from jaxtyping import Bool, Float32, Float64, Int32, UInt8
+from jaxtyping import Float32, Float64, Int32
 from scipy.sparse import coo_array, csr_array
 from scipy.spatial import cKDTree
 
-from goc.scene import Mesh
+from goc.scene import FlaggedMesh, Mesh
 
 _ROUNDS = 40
 _ANCHORS, _AT_ONCE = 256, 16384
 
 
-def spread_colours(
-    vertices: Float32[np.ndarray, "v 3"],
-    faces: Int32[np.ndarray, "t 3"],
-    observed: Bool[np.ndarray, "v"],
-    measured: Mesh,
-) -> UInt8[np.ndarray, "v 3"] | None:
-    """Colours of a completed mesh from those of the measured one; None where that has none.
+def with_measured_colours(surface: FlaggedMesh, seen: Mesh) -> FlaggedMesh:
+    """The surface with colours: observed vertices get means of the nearest measured ones, the others are black.
 
-    Observed vertices get the mean of the nearest measured colours. The others start with a mean over some of the
-    observed ones, the near before the far (Shepard 1968), and are evened out over the surface with the observed ones
-    held, so that colours run on smoothly and no single spot spreads far.
+    Where nothing is observed, every vertex gets the nearest measured colours. Without measured colours there are none.
     """
-    if measured.colours is None or len(vertices) == 0 or len(measured.vertices) == 0:
-        return None if measured.colours is None else np.zeros((len(vertices), 3), np.uint8)
-    held = observed if observed.any() else np.ones(len(vertices), bool)
-    colours = np.zeros((len(vertices), 3))
-    apart, near = cKDTree(measured.vertices).query(vertices[held], k=[1, 2, 3, 4])
-    known = np.isfinite(apart)  # fewer than four in all
-    weight = known / np.maximum(apart, 1e-3 * max(float(np.median(apart[:, 0])), 1e-12)) ** 2
-    near = np.where(known, near, 0)
-    colours[held] = (measured.colours[near] * weight[..., None]).sum(1) / weight.sum(1, keepdims=True)
+    places = surface.mesh.vertices
+    if seen.colours is None:
+        return replace(surface, mesh=replace(surface.mesh, colours=None))
+    colours = np.zeros((len(places), 3), np.uint8)
+    held = surface.observed if surface.observed.any() else np.ones(len(places), bool)
+    if held.any() and len(seen.vertices):
+        apart, near = cKDTree(seen.vertices).query(places[held], k=[1, 2, 3, 4])
+        known = np.isfinite(apart)  # fewer than four in all
+        weight = known / np.maximum(apart, 1e-3 * max(float(np.median(apart[:, 0])), 1e-12)) ** 2
+        near = np.where(known, near, 0)
+        means = (seen.colours[near] * weight[..., None]).sum(1) / weight.sum(1, keepdims=True)
+        colours[held] = np.clip(np.rint(means), 0, 255)
+    return replace(surface, mesh=replace(surface.mesh, colours=colours))
+
+
+def inpainted(surface: FlaggedMesh) -> FlaggedMesh:
+    """The surface with the colours of its observed vertices spread over the others.
+
+    The others start with a mean over some of the observed ones, the near before the far (Shepard 1968), and are evened
+    out over the surface with the observed ones held, so that colours run on smoothly and no single spot spreads far.
+    """
+    mesh, held = surface.mesh, surface.observed
+    if mesh.colours is None or held.all() or not held.any():
+        return surface
+    colours = mesh.colours.astype(np.float64)
     chosen = np.random.default_rng(0).permutation(np.flatnonzero(held))[:_ANCHORS]
-    colours[~held] = _weighed(vertices[~held], vertices[chosen], colours[chosen])
-    around, count = _neighbours(faces, len(vertices))
+    colours[~held] = _weighed(mesh.vertices[~held], mesh.vertices[chosen], colours[chosen])
+    around, count = _neighbours(mesh.faces, len(mesh.vertices))
     for _ in range(_ROUNDS):
         colours = np.where(held[:, None], colours, around @ colours / count)
-    return np.clip(np.rint(colours), 0, 255).astype(np.uint8)
+    return replace(surface, mesh=replace(mesh, colours=np.clip(np.rint(colours), 0, 255).astype(np.uint8)))
 
 
 def _weighed(

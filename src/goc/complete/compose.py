@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, UInt8
 from scipy import ndimage
 
-from goc.complete.colours import spread_colours
+from goc.complete.colours import inpainted, with_measured_colours
 from goc.complete.hull import BAND, evidence_hull, neighbour_mean, relaxed
 from goc.geometry.isosurface import grid_surface
 from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh
@@ -98,11 +98,14 @@ def compose(found: Measured, fill: Float32[np.ndarray, "x y z"] | None) -> Flagg
 
 def closed_surface(composed: Composition, seen: Mesh) -> FlaggedMesh:
     """The zero level of a composed field: vertices flagged by what was measured, coloured after the seen mesh."""
+    return inpainted(with_measured_colours(bare_surface(composed), seen))
+
+
+def bare_surface(composed: Composition) -> FlaggedMesh:
+    """The zero level of a composed field without colours: vertices flagged by what was measured."""
     grid = composed.evidence
     vertices, faces = grid_surface(composed.distance, grid.origin, grid.voxel)
-    observed = _measured(vertices, grid)
-    colours = spread_colours(vertices, faces, observed, seen)
-    return FlaggedMesh(mesh=Mesh(vertices=vertices, faces=faces, colours=colours), observed=observed)
+    return FlaggedMesh(mesh=Mesh(vertices=vertices, faces=faces), observed=_measured(vertices, grid))
 
 
 def without_floaters(

@@ -24,6 +24,8 @@ class CompleteConfig(Settings):
     """Occupancy from which on a network's answer counts as solid, between 0 and 1; the paper's T_b is 0.3."""
     coarse_cells: Annotated[int, Range(least=8, most=512)] = 64
     """Cells along the longest side in which a network is asked at first; finer only where its surface can be."""
+    faces: Annotated[int, Range(least=0)] = 20_000
+    """Faces of a closed object, as far as one millimetre allows; 0 keeps the full resolution."""
 
     def __post_init__(self) -> None:
         """Refuse a method without what it needs, or with what it does not use."""

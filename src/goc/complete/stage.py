@@ -8,9 +8,10 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
-from goc.complete.compose import Composition, Measured, closed_surface, compose_field, with_margin
+from goc.complete.compose import Composition, Measured, compose_field, with_margin
 from goc.complete.config import CompleteConfig
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
+from goc.complete.finish import finished_surface
 from goc.complete.lite import OscLite
 from goc.complete.osc import Osc
 from goc.complete.partial import Completer, bounding_cube, partial_object
@@ -34,11 +35,16 @@ def complete_objects(
     scene: Scene, config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
 ) -> Scene:
     """The scene with its objects closed as far as they can be: see `close_objects`."""
-    return replace(scene, objects=close_objects(scene.objects, config, notify, device))
+    unit = scene.world.units_per_metre
+    return replace(scene, objects=close_objects(scene.objects, config, notify, device, unit))
 
 
 def close_objects(
-    objects: tuple[SceneObject, ...], config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
+    objects: tuple[SceneObject, ...],
+    config: CompleteConfig,
+    notify: Listener = ignore,
+    device: torch.device = CPU,
+    units_per_metre: float = 1.0,
 ) -> tuple[SceneObject, ...]:
     """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
 
@@ -49,6 +55,7 @@ def close_objects(
         config: what fills the unknown.
         notify: hears one Progress an object, and a warning for each that cannot be closed.
         device: where a network computes.
+        units_per_metre: scene units in one metre, for the tolerance of simplification.
 
     Returns:
         The same objects in the order given, each with its watertight `solid` (checked: docs/decisions/0021). As they
@@ -67,7 +74,7 @@ def close_objects(
         found, flaw = _measured(item), "its surface or its evidence is missing"
         if found is not None:
             composed = _composed(found, model, config, filled)
-            solid = closed_surface(composed, found.mesh)
+            solid = finished_surface(composed, found.mesh, config.faces, units_per_metre)
             flaw = watertight_flaw(solid.mesh)
             if flaw is None:
                 closed[place] = replace(item, solid=solid)

@@ -1,0 +1,66 @@
+"""Evening out a part of a surface, while edges stay edges."""
+
+import numpy as np
+from jaxtyping import Bool, Float32, Int32, Int64
+from scipy.sparse import coo_array, csr_array
+
+from goc.geometry.surfaces import vertex_normals
+from goc.scene import Mesh
+
+_RENEWED = 5
+"""Rounds after which normals are taken anew."""
+_RINGS = 2
+"""Rings over which normals are averaged before they are compared."""
+_ALIKE = 0.3
+"""Distance of unit normals at which a neighbour's pull falls to 0.6: about 17 degrees."""
+
+
+def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Float32[np.ndarray, "v 3"]:
+    """Places of the vertices after the free ones were drawn towards the means of their neighbours; the rest stay.
+
+    A neighbour pulls the less, the more its normal differs (as Tomasi and Manduchi 1998 do for images): planes become
+    planes, and the edge between two of them stays where it is. Slivers vanish as a matter of course.
+
+    Args:
+        mesh: a closed or open surface.
+        free: vertices that may move.
+        rounds: each goes half of the way.
+    """
+    rows = np.flatnonzero(free)
+    places = mesh.vertices.copy()
+    if len(rows) == 0:
+        return places
+    links = vertex_links(mesh.faces, len(places))
+    for turn in range(rounds):
+        if turn % _RENEWED == 0:
+            normals = _smooth_normals(Mesh(vertices=places, faces=mesh.faces), links)
+            pull = _pull(links, normals, rows)
+        places[rows] += np.float32(0.5) * (pull @ places - places[rows])
+    return places
+
+
+def vertex_links(faces: Int32[np.ndarray, "t 3"], count: int) -> csr_array:
+    """Matrix of `count` vertices with a 1 for each pair that shares an edge, on either side of the diagonal."""
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
+    links = coo_array((np.ones(ends.shape[1], np.float32), (ends[0], ends[1])), shape=(count, count)).tocsr()
+    links = csr_array(links + links.T)
+    links.data[:] = 1.0
+    return links
+
+
+def _smooth_normals(mesh: Mesh, links: csr_array) -> Float32[np.ndarray, "v 3"]:
+    normals = vertex_normals(mesh)
+    for _ in range(_RINGS):
+        normals = links @ normals + normals
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.float32(1e-12))
+    return normals
+
+
+def _pull(links: csr_array, normals: Float32[np.ndarray, "v 3"], rows: Int64[np.ndarray, "r"]) -> csr_array:
+    """Weights of each chosen vertex's neighbours, with sum 1."""
+    near = links[rows].tocoo()
+    at, around = near.coords
+    apart = ((normals[rows[at]] - normals[around]) ** 2).sum(axis=1)
+    weight = np.maximum(np.exp(-apart / np.float32(2 * _ALIKE**2)), np.float32(1e-6))
+    total = np.bincount(at, weight, minlength=len(rows))
+    return csr_array(((weight / total[at]).astype(np.float32), (at, around)), shape=near.shape)
