@@ -15,6 +15,7 @@ from goc.export import WRITERS, export_scene
 from goc.files import read_mesh, read_observed_mesh, read_scene, read_splats, write_json
 from goc.report import read_report, write_overview, write_report
 from goc.runs import RunRecord
+from goc.scene import Completed
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ def closed(ids):
     """The room of two boxes, of which the first is closed."""
     scene = box_scene(ids)
     first = scene.objects[0]
-    return replace(scene, objects=(replace(first, solid=first.observed), scene.objects[1]))
+    how = Completed(method="box", expected_error=0.0123456, trusted=False)
+    return replace(scene, objects=(replace(first, solid=first.observed, completed=how), scene.objects[1]))
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +92,8 @@ def test_the_report_holds_what_its_schema_says_and_closed_form_figures(written):
     assert first.size_m == pytest.approx((0.9, 0.8, 0.7), abs=1e-3)
     assert first.observed_share == 0.5
     assert first.completion.watertight and 0 < first.completion.completed_share < 1
+    how = first.completion
+    assert (how.method, how.expected_error_m, how.trusted) == ("box", 0.01235, False)
     assert report.objects[1].completion is None
     assert (report.world.up, report.world.floor, report.world.confidence) == ((0.0, 0.0, 1.0), 0.0, 0.9)
     assert np.array_equal(report.world.level_from_world, np.eye(4))

@@ -9,6 +9,7 @@ import torch
 
 from goc.cli import main
 from goc.complete import LiteConfig, OscConfig, build
+from goc.complete.candidates import ALL
 from goc.files import read_image, write_json, write_tensors
 from goc.geometry.topology import signed_volume, watertight_flaw
 from goc.scene import EvidenceGrid
@@ -23,7 +24,7 @@ from goc.training.watertight_shape import CsgPart, shape_from_parts
 BALL = shape_from_parts([CsgPart(body=Ellipsoid((1.0, 0.8, 0.9)), at=(0, 0, 0))], 40)
 LITE = build(LiteConfig(cells=16, fine=8, middle=16, width=24, blocks=1, heads=2, hidden=16)).eval()
 POINTS = build(OscConfig(encoder=1, decoder=1, width=16, heads=2, tokens=8, latent=4, points=32)).eval()
-UNTRAINED = ["nothing", "convex hull", "screened Poisson", "evidence hull"]
+UNTRAINED = ["nothing", "screened Poisson", *(name for name in ALL if "network" not in name)]
 
 
 def coarse(masked):
@@ -96,9 +97,9 @@ def test_what_was_measured_is_open_and_lies_on_the_ball(half):
 
 def test_every_completion_is_watertight_and_none_beats_the_truth(half):
     masked, _, made = half
-    target = evaluating._object_truth(masked, 24)
+    target = evaluating.object_truth(masked, 24)
     scores = {name: score(closed, target) for name, closed in made.items()}
-    assert list(scores) == [*UNTRAINED, "network alone", "network", "perfect guess"]
+    assert list(scores) == ["nothing", "screened Poisson", "network alone", *ALL, "choice", "perfect guess"]
     assert scores["nothing"].watertight == 0
     assert all(one.watertight == 1 for name, one in scores.items() if name not in ("nothing", "network alone"))
     best = scores.pop("perfect guess")
@@ -109,7 +110,7 @@ def test_every_completion_is_watertight_and_none_beats_the_truth(half):
 
 def test_the_convex_hull_of_half_a_ball_is_more_than_what_was_seen(half):
     masked, _, made = half
-    target = evaluating._object_truth(masked, 24)
+    target = evaluating.object_truth(masked, 24)
     nothing, convex = (score(made[name], target) for name in ("nothing", "convex hull"))
     assert convex.iou > nothing.iou
 
@@ -117,7 +118,7 @@ def test_the_convex_hull_of_half_a_ball_is_more_than_what_was_seen(half):
 def test_iou_counts_what_the_mesh_holds(half):
     """The share of the cube that is inside the field is the volume of the mesh."""
     masked, _, made = half
-    target = evaluating._object_truth(masked, 48)
+    target = evaluating.object_truth(masked, 48)
     for name in ("evidence hull", "perfect guess"):
         share = made[name].inside(target.centres).mean() * 8
         assert share == pytest.approx(signed_volume(made[name].mesh), rel=0.03)
@@ -133,8 +134,8 @@ def test_a_report_has_every_group_and_is_written_in_three_ways(data, quick, tmp_
     assert [(row["group"], row["method"]) for row in report["rows"]] == [
         (group, method) for group in groups for method in [*UNTRAINED, "perfect guess"]
     ]
-    assert {row["count"] for row in report["rows"][:-5]} == {1} and report["rows"][-1]["count"] == 3
-    assert len(report["outcomes"]) == 4 * 5
+    assert {row["count"] for row in report["rows"][:-9]} == {1} and report["rows"][-1]["count"] == 3
+    assert len(report["outcomes"]) == 4 * 9
     complete = next(row for row in report["rows"] if row["group"] == "complete" and row["method"] == "evidence hull")
     assert complete["scores"]["iou"] > 0.95
     picture = read_image(tmp_path / "e.png")

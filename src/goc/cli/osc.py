@@ -14,6 +14,7 @@ from goc.cli.arguments import parse
 from goc.cli.failures import STOPPED, say
 from goc.cli.progress import shown_progress
 from goc.errors import ConfigError
+from goc.training.calibrate import CalibrateConfig
 from goc.training.config import TrainConfig
 from goc.training.evaluate import EvalConfig
 from goc.training.prepare import PrepareConfig
@@ -23,6 +24,7 @@ _DESCRIPTION = """Object Surface Completion: the network that fills what no came
   goc osc prepare MESHES OUT       closed shapes from meshes of any kind, in files that stream
   goc osc train OUT                train on procedural shapes, and on prepared ones with --data
   goc osc eval DATA                score weights on the prepared shapes of split val
+  goc osc calibrate DATA           learn how far each candidate of `--complete.method best` can be trusted
 
 `goc osc train OUT` again goes on with a training that was stopped. On several GPUs:
   torchrun --nproc-per-node 4 -m goc.cli osc train OUT --data DATA"""
@@ -65,10 +67,28 @@ class Evaluate:
     config: Annotated[EvalConfig, tyro.conf.arg(name="")] = EvalConfig()
 
 
+@dataclass(frozen=True, kw_only=True)
+class Calibrate:
+    """Learn how far each candidate for what nobody saw can be trusted; needed again with other weights."""
+
+    data: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="DATA")]
+    """Folder of `goc osc prepare`."""
+    rooms: tuple[Path, ...] = ()
+    """Captures with ground truth to learn from as well, made by `goc synth room --split train`."""
+    held_rooms: tuple[Path, ...] = ()
+    """Captures with ground truth that test what was learnt."""
+    weights: Path | None = None
+    """Weights of `goc osc train`; none: those that goc comes with."""
+    out: Path | None = None
+    """The file to write; none: the one inside the package that `best` reads."""
+    config: Annotated[CalibrateConfig, tyro.conf.arg(name="")] = CalibrateConfig()
+
+
 Command = (
     Annotated[Prepare, tyro.conf.subcommand("prepare")]
     | Annotated[Train, tyro.conf.subcommand("train")]
     | Annotated[Evaluate, tyro.conf.subcommand("eval")]
+    | Annotated[Calibrate, tyro.conf.subcommand("calibrate")]
 )
 
 
@@ -81,6 +101,8 @@ def main(words: Sequence[str]) -> int:
             return _train(given, words)
         case Evaluate() as given:
             return _evaluate(given)
+        case Calibrate() as given:
+            return _calibrate(given)
 
 
 def _prepare(given: Prepare) -> int:
@@ -123,4 +145,21 @@ def _evaluate(given: Evaluate) -> int:
     if given.json is not None:
         write_json(given.json, report)
     sys.stdout.write(table(report))
+    return 0
+
+
+def _calibrate(given: Calibrate) -> int:
+    from goc.complete import SHIPPED, load_network
+    from goc.complete.choice import CALIBRATION
+    from goc.files import write_json
+    from goc.training.calibrate import calibrate
+    from goc.training.reliability import reliability
+
+    network = load_network(given.weights or SHIPPED)
+    with shown_progress() as notify:
+        report = calibrate(given.data, given.rooms, given.held_rooms, network, given.config, notify)
+    path = given.out or CALIBRATION
+    write_json(path, report.calibration)
+    sys.stdout.write(reliability(report.calibration, report.tested))
+    sys.stdout.write(f"\nCalibration of {report.calibration.cases} cases: {path}\n")
     return 0

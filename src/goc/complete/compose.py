@@ -57,7 +57,10 @@ def with_margin(evidence: EvidenceGrid, margin: int = _MARGIN) -> EvidenceGrid:
 
 
 def compose_field(
-    evidence: EvidenceGrid, fill: Float32[np.ndarray, "x y z"] | None, seen: Float32[np.ndarray, "v 3"]
+    evidence: EvidenceGrid,
+    fill: Float32[np.ndarray, "x y z"] | None,
+    seen: Float32[np.ndarray, "v 3"],
+    hull: Float32[np.ndarray, "x y z"] | None = None,
 ) -> Composition:
     """One signed field: measured distance where the surface was seen, outside where rays passed, the fill elsewhere.
 
@@ -66,13 +69,14 @@ def compose_field(
         fill: a model's signed distance at the voxels, in voxels, positive outside; valid wherever the evidence is
             unknown or surface. None: everything that is not seen empty is solid (the evidence hull).
         seen: vertices of the measured surface, world: tell which pieces are parts of the object.
+        hull: `evidence_hull(evidence)`, where it is known already.
 
     Returns:
         Measured voxels have their measured sign, save in pieces that were dropped and in holes that were closed:
         pieces with next to no measured surface, and hollows that nothing outside leads to. Space that a model left
         free behind gaps too narrow for it to know of is solid.
     """
-    distance = evidence_hull(evidence)
+    distance = evidence_hull(evidence) if hull is None else hull
     if fill is not None:
         distance = _filled(distance, np.clip(fill, -BAND, BAND).astype(np.float32), evidence)
     distance = np.where(np.abs(distance) < 1e-3, np.float32(1e-3), distance)  # zero has no side

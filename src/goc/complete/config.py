@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from goc.errors import ConfigError
 from goc.settings import Finite, OpenShare, Range, Settings
 
-Method = Literal["none", "hull", "lite", "osc"]
+Method = Literal["best", "none", "hull", "lite", "osc"]
 ScanMethod = Literal["smooth", "hull", "lite", "osc"]
 
 
@@ -15,9 +15,11 @@ ScanMethod = Literal["smooth", "hull", "lite", "osc"]
 class CompleteConfig(Settings):
     """How the surface that nobody saw is filled in."""
 
-    method: Method = "lite"
-    """lite: the network that goc ships (or --weights) says what is solid. osc: one of the paper's size does, from
-    --weights. hull: whatever no ray contradicts is solid. none: objects stay open."""
+    method: Method = "best"
+    """best: for each object the candidate of least expected error, among the network, the convex hull, mirror images,
+    boxes, extrusions and surfaces of revolution. lite: the network that goc ships (or --weights) says what is solid.
+    osc: one of the paper's size does, from --weights. hull: whatever no ray contradicts is solid. none: objects stay
+    open."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: OpenShare = 0.5
@@ -33,7 +35,7 @@ class CompleteConfig(Settings):
         if self.method == "osc" and self.weights is None:
             raise ConfigError("{method} osc needs {weights}: goc ships no weights of that size.", type(self))
         if self.weights is not None and self.method in ("none", "hull"):
-            text = f"{{weights}} is given, but {{method}} {self.method} uses none. Pass {{method}} lite."
+            text = f"{{weights}} is given, but {{method}} {self.method} uses none. Pass {{method}} best."
             raise ConfigError(text, type(self))
 
 

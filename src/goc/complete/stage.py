@@ -8,6 +8,8 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
+from goc.complete.candidates import fill_of
+from goc.complete.choice import Calibration, choose_for, read_calibration
 from goc.complete.compose import Composition, Measured, compose_field, with_margin
 from goc.complete.config import CompleteConfig
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
@@ -21,7 +23,7 @@ from goc.errors import CompleteError
 from goc.events import Listener, Progress, Warned, ignore
 from goc.geometry.surfaces import vertex_normals
 from goc.geometry.topology import watertight_flaw
-from goc.scene import Evidence, EvidenceGrid, Scene, SceneObject
+from goc.scene import Completed, Evidence, EvidenceGrid, Scene, SceneObject
 
 _SEAM_VOXELS = 4
 """A model is asked this far into the measured surface, so that both can be compared where they meet."""
@@ -53,7 +55,8 @@ def close_objects(
     Args:
         objects: open surfaces with their evidence.
         config: what fills the unknown.
-        notify: hears one Progress an object, and a warning for each that cannot be closed.
+        notify: hears one Progress an object, and a warning for each that cannot be closed, or whose closed surface is
+            expected to be further from the truth than the open one.
         device: where a network computes.
         units_per_metre: scene units in one metre, for the tolerance of simplification.
 
@@ -67,18 +70,21 @@ def close_objects(
     if config.method == "none":
         return objects
     model = None if config.method == "hull" else network_for(config.method, config.weights, device)
+    calibration = read_calibration() if config.method == "best" else None
     closed = list(objects)
     filled: list[Composition] = []
     for number, place in enumerate(_small_first(objects), 1):
         item = objects[place]
         found, flaw = _measured(item), "its surface or its evidence is missing"
         if found is not None:
-            composed = _composed(found, model, config, filled)
+            composed, how = _composed(found, model, config, calibration, filled)
             solid = finished_surface(composed, found.mesh, config.faces, units_per_metre)
             flaw = watertight_flaw(solid.mesh)
             if flaw is None:
-                closed[place] = replace(item, solid=solid)
+                closed[place] = replace(item, solid=solid, completed=how)
                 filled.append(composed)
+                if not how.trusted:
+                    notify(Warned(stage="complete", message=_doubt(item)))
         if flaw is not None:
             message = f"Object {item.id} ({item.name}) cannot be closed: {flaw}. It has its measured surface only."
             notify(Warned(stage="complete", message=message))
@@ -112,15 +118,35 @@ def _measured(item: SceneObject) -> Measured | None:
     return Measured(mesh=item.observed.mesh, evidence=item.evidence)
 
 
+def _doubt(item: SceneObject) -> str:
+    return (
+        f"Object {item.id} ({item.name}): no guess at what nobody saw of it is believable. It is closed as tightly as "
+        "possible; views from its other sides would tell."
+    )
+
+
 def _composed(
-    found: Measured, model: Completer | None, config: CompleteConfig, solids: Sequence[Composition]
-) -> Composition:
-    """The signed field of one object, where `solids` are already taken."""
+    found: Measured,
+    model: Completer | None,
+    config: CompleteConfig,
+    calibration: Calibration | None,
+    solids: Sequence[Composition],
+) -> tuple[Composition, Completed]:
+    """The signed field of one object, where `solids` are already taken, and how it came about."""
     found = replace(found, evidence=without_neighbours(found.evidence, solids))
-    fill = None
-    if model is not None:
-        fill = model_fill(model, found, vertex_normals(found.mesh), config.threshold, config.coarse_cells)
-    return compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+
+    def ask(seen: Measured) -> Float32[np.ndarray, "x y z"]:
+        assert model is not None
+        return model_fill(model, seen, vertex_normals(seen.mesh), config.threshold, config.coarse_cells)
+
+    fill, how = None, Completed(method=config.method)
+    if calibration is not None:
+        supposed, made = choose_for(found, ask, calibration)
+        fill = fill_of(made.name, found, supposed, ask)
+        how = Completed(method=made.name, expected_error=made.expected_error, trusted=made.trusted)
+    elif model is not None:
+        fill = ask(found)
+    return compose_field(with_margin(found.evidence), fill, found.mesh.vertices), how
 
 
 def _small_first(objects: Sequence[SceneObject]) -> list[int]:
@@ -180,10 +206,12 @@ def check_completion(config: CompleteConfig) -> None:
     """Refuse weights that cannot be used, before the work is done that they are for.
 
     Raises:
-        CompleteError: the weights are missing, or of another network.
+        CompleteError: the weights are missing, or of another network; or the calibration is of another goc.
     """
-    if config.method in ("lite", "osc"):
+    if config.method in ("best", "lite", "osc"):
         network_for(config.method, config.weights)
+    if config.method == "best":
+        read_calibration()
 
 
 def network_for(method: str, weights: Path | None, device: torch.device = CPU) -> Completer:
@@ -194,7 +222,7 @@ def network_for(method: str, weights: Path | None, device: torch.device = CPU) -
     """
     path = weights or SHIPPED
     network = load_network(path)
-    if not isinstance(network, OscLite if method == "lite" else Osc):
+    if method != "best" and not isinstance(network, OscLite if method == "lite" else Osc):
         raise CompleteError(f"{path}: these are not weights of {method}. Choose the method that they were made for.")
     return network.to(device)
 

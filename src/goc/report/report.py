@@ -15,7 +15,7 @@ from goc.geometry.surfaces import face_areas
 from goc.geometry.topology import is_watertight, signed_volume
 from goc.runs.machine import Machine, peak_memory_mb, this_machine
 from goc.runs.record import RunRecord
-from goc.scene import Capture, DepthKind, FlaggedMesh, Mesh, Scene, SceneObject
+from goc.scene import Capture, Completed, DepthKind, FlaggedMesh, Mesh, Scene, SceneObject
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -81,6 +81,12 @@ class CompletionFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """Checked: every edge on exactly two faces, consistent winding, no face without area, positive volume."""
     volume_m3: float
     area_m2: float
+    method: str | None = None
+    """What filled in the unknown: a candidate of `best`, or the method that was asked for; null if not known."""
+    expected_error_m: float | None = None
+    """Mean distance to the true surface that is to be expected; null where nothing foretells it."""
+    trusted: bool | None = None
+    """Whether that is no more than leaving the surface open would cost."""
 
 
 class DepthErrorFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -219,7 +225,7 @@ def _object_facts(item: SceneObject, units_per_metre: float, error: DepthError |
         id=item.id,
         label=item.name,
         observed_share=round(float(seen.observed.mean()), 4) if seen is not None and len(seen.observed) else 0.0,
-        completion=None if item.solid is None else _completion_facts(item.solid, units_per_metre),
+        completion=None if item.solid is None else _completion_facts(item.solid, item.completed, units_per_metre),
         depth_error=None if error is None else _depth_error_facts(error, units_per_metre),
         **_surface(mesh, splats, units_per_metre),
     )
@@ -233,7 +239,8 @@ def _depth_error_facts(error: DepthError, units_per_metre: float) -> DepthErrorF
     )
 
 
-def _completion_facts(solid: FlaggedMesh, units_per_metre: float) -> CompletionFacts:
+def _completion_facts(solid: FlaggedMesh, how: Completed | None, units_per_metre: float) -> CompletionFacts:
+    error = None if how is None else how.expected_error
     return CompletionFacts(
         vertices=len(solid.mesh.vertices),
         faces=len(solid.mesh.faces),
@@ -241,6 +248,9 @@ def _completion_facts(solid: FlaggedMesh, units_per_metre: float) -> CompletionF
         watertight=is_watertight(solid.mesh),
         volume_m3=round(signed_volume(solid.mesh) / units_per_metre**3, 9),
         area_m2=round(float(face_areas(solid.mesh).sum()) / units_per_metre**2, 4),
+        method=None if how is None else how.method,
+        expected_error_m=None if error is None else round(error / units_per_metre, 5),
+        trusted=None if how is None else how.trusted,
     )
 
 

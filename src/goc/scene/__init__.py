@@ -14,7 +14,7 @@ from goc.scene.capture import (
 )
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh
-from goc.scene.object import FlaggedMesh, SceneObject
+from goc.scene.object import Completed, FlaggedMesh, SceneObject
 from goc.scene.priors import CapturePriors, CoarseDepth
 from goc.scene.reconstruction import Reconstruction
 from goc.scene.rendering import Rendering
@@ -28,6 +28,7 @@ __all__ = [
     "Capture",
     "CapturePriors",
     "CoarseDepth",
+    "Completed",
     "DepthKind",
     "FlaggedMesh",
     "Evidence",

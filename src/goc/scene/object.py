@@ -18,6 +18,18 @@ class FlaggedMesh:
     """Per vertex: some camera measured this surface."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Completed:
+    """How an object was closed, and how far that can be trusted."""
+
+    method: str
+    """What filled in the unknown."""
+    expected_error: float | None = None
+    """Chamfer distance to the true surface that is to be expected, scene units; None where nothing foretells it."""
+    trusted: bool = True
+    """Whether the closed surface is expected to be no further from the truth than the open one."""
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneObject:
     """One object: all that is known of it; what is absent is None. Geometry is in the capture's world and units."""
@@ -32,6 +44,8 @@ class SceneObject:
     """Measured surface, open where nothing was seen."""
     solid: FlaggedMesh | None = None
     """Closed surface."""
+    completed: Completed | None = None
+    """How `solid` came about, where this run made it."""
     evidence: EvidenceGrid | None = None
     """What the cameras say of the box round it."""
 

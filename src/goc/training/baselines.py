@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Float32
 from scipy import ndimage
-from scipy.spatial import ConvexHull, QhullError
 
 from goc.complete import (
     Completer,
@@ -25,10 +24,25 @@ from goc.complete import (
     signed_distance,
     with_margin,
 )
+from goc.complete.candidates import (
+    ALL,
+    CONVEX,
+    HULL,
+    MIRRORED_NETWORK,
+    NETWORK,
+    Candidate,
+    Filler,
+    candidates,
+    coarsened,
+    fill_of,
+    hypotheses,
+)
+from goc.complete.choice import choose_for, read_calibration
+from goc.complete.compose import Composition
+from goc.complete.convex import nothing_fill
 from goc.complete.hull import BAND
 from goc.complete.poisson import poisson_fill
 from goc.geometry.isosurface import grid_surface
-from goc.geometry.raycast import TriangleScene
 from goc.geometry.surfaces import surface_cloud, vertex_normals
 from goc.scene import Evidence, Mesh
 from goc.training.masking import MaskedObject
@@ -36,7 +50,11 @@ from goc.training.samples import true_distance
 
 Grid = Float32[np.ndarray, "x y z"]
 
-HULL, POISSON, NETWORK = "evidence hull", "screened Poisson", "network"
+_INSTEAD = {MIRRORED_NETWORK: NETWORK}
+"""What stands in for a candidate that does not apply; for all others, the convex hull does."""
+POISSON, CHOICE = "screened Poisson", "choice"
+__all__ = ["CHOICE", "HULL", "NETWORK", "POISSON", "Completion", "completions", "measured_object"]
+
 _COARSE = 64
 _POISSON_POINTS = 30_000
 
@@ -86,24 +104,51 @@ def completions(
     found: Measured, masked: MaskedObject, network: Completer | None, threshold: float
 ) -> Iterator[tuple[str, Completion]]:
     """Completions of one object by name of method. The last is given the truth: a bound for what any could reach."""
-    yield "nothing", replace(_composed(found, _nothing), mesh=found.mesh, seconds=0.0)
-    yield "convex hull", _composed(found, _convex)
+    yield "nothing", replace(_composed(found, nothing_fill), mesh=found.mesh, seconds=0.0)
     yield POISSON, _composed(found, _poisson)
-    yield HULL, _composed(found, lambda _: None)
     if network is not None:
         yield "network alone", _alone(found, network, threshold)
-        yield (
-            NETWORK,
-            _composed(found, lambda seen: model_fill(network, seen, vertex_normals(seen.mesh), threshold, _COARSE)),
-        )
+    options = {option.name: (option, seconds) for option, seconds in _timed(found, network, threshold)}
+    for name in ALL if network is not None else (name for name in ALL if "network" not in name):
+        instead = next(other for other in (name, _INSTEAD.get(name, CONVEX), HULL) if other in options)
+        option, seconds = options[instead]
+        yield name, _completion(option.composed, found, seconds)
+    if network is not None:
+        yield CHOICE, _chosen(found, _asking(network, threshold))
     yield "perfect guess", _composed(found, lambda seen: _true(seen, masked))
+
+
+def _timed(found: Measured, network: Completer | None, threshold: float) -> Iterator[tuple[Candidate, float]]:
+    """All candidates that apply, and the seconds that each took."""
+    started = time.perf_counter()
+    ask = None if network is None else _asking(network, threshold)
+    for option in candidates(found, hypotheses(coarsened(found)), ask):
+        yield option, time.perf_counter() - started
+        started = time.perf_counter()
+
+
+def _asking(network: Completer, threshold: float) -> Filler:
+    return lambda seen: model_fill(network, seen, vertex_normals(seen.mesh), threshold, _COARSE)
+
+
+def _chosen(found: Measured, ask: Filler) -> Completion:
+    started = time.perf_counter()
+    supposed, chosen = choose_for(found, ask, read_calibration())
+    fill = fill_of(chosen.name, found, supposed, ask)
+    composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
+    return _completion(composed, found, time.perf_counter() - started)
 
 
 def _composed(found: Measured, fill: Callable[[Measured], Grid | None]) -> Completion:
     started = time.perf_counter()
     composed = compose_field(with_margin(found.evidence), fill(found), found.mesh.vertices)
+    return _completion(composed, found, time.perf_counter() - started)
+
+
+def _completion(composed: Composition, found: Measured, seconds: float) -> Completion:
+    started = time.perf_counter()
     mesh = closed_surface(composed, found.mesh).mesh
-    seconds = time.perf_counter() - started
+    seconds += time.perf_counter() - started
     grid = composed.evidence
     return Completion(mesh=mesh, distance=composed.distance, origin=grid.origin, voxel=grid.voxel, seconds=seconds)
 
@@ -124,35 +169,10 @@ def _alone(found: Measured, network: Completer, threshold: float) -> Completion:
     return Completion(mesh=mesh, distance=distance, origin=origin, voxel=voxel, seconds=seconds)
 
 
-def _nothing(found: Measured) -> Grid:
-    """Fill nothing: outside wherever no surface was measured."""
-    return np.full(with_margin(found.evidence).state.shape, np.float32(BAND))
-
-
 def _poisson(found: Measured) -> Grid:
     cloud = surface_cloud(found.mesh, _POISSON_POINTS)
     assert cloud.normals is not None
     return poisson_fill(cloud.positions, cloud.normals, with_margin(found.evidence))
-
-
-def _convex(found: Measured) -> Grid:
-    """Exact distance to the convex hull of what was seen; nothing where that is flat."""
-    grid, result = with_margin(found.evidence), _nothing(found)
-    try:
-        hull = ConvexHull(found.mesh.vertices.astype(np.float64))
-    except QhullError:
-        return result
-    corners = hull.points[hull.simplices]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    turned = (normals * hull.equations[:, :3]).sum(axis=1) < 0
-    faces = np.where(turned[:, None], hull.simplices[:, ::-1], hull.simplices).astype(np.int32)
-    scene = TriangleScene(found.mesh.vertices, faces)
-    asked = grid.state != Evidence.EMPTY
-    points = grid.origin + grid.voxel * np.argwhere(asked)
-    apart, _ = scene.nearest(points, BAND * grid.voxel)
-    sign = np.where(scene.winding(points) > 0, -1.0, 1.0)
-    result[asked] = sign * np.minimum(apart / grid.voxel, BAND)
-    return result
 
 
 def _true(found: Measured, masked: MaskedObject) -> Grid:

@@ -10,7 +10,7 @@ from goc.complete import Measured
 from goc.files import write_png
 from goc.report.canvas import FAINT, Canvas
 from goc.scene import Mesh
-from goc.training.baselines import HULL, NETWORK, POISSON, Completion
+from goc.training.baselines import CHOICE, HULL, NETWORK, POISSON, Completion
 from goc.training.masking import MaskedObject
 from goc.training.thumbnails import shaded
 
@@ -28,7 +28,7 @@ class ContactSheet:
 
     def add(self, caption: str, seen: Measured, made: Mapping[str, Completion], masked: MaskedObject) -> None:
         """Draw one case: seen, hull, Poisson, the network where there is one, truth."""
-        methods = [name for name in (HULL, POISSON, NETWORK) if name in made]
+        methods = [name for name in (HULL, POISSON, NETWORK, CHOICE) if name in made]
         solid = masked.placed.shape.mesh
         placed = solid.vertices @ masked.placed.matrix.T + masked.placed.shift
         mirrored = np.linalg.det(masked.placed.matrix) < 0

@@ -154,8 +154,8 @@ def evaluate(
     found: list[MethodScore] = []
     for done, index in enumerate(chosen):
         name = library.shapes[index].name
-        for group, masked, seen in _cases(library[index], config, index):
-            target = _object_truth(masked, config.cells)
+        for group, masked, seen in cases(library[index], config, index):
+            target = object_truth(masked, config.cells)
             floors.append(surface_scores(true_surface_samples(masked, 2), target.surface).chamfer / target.longest)
             made = dict(completions(seen, masked, network, config.threshold))
             found += [
@@ -171,9 +171,12 @@ def evaluate(
     return CompletionReport(config=config, shapes=count, floor=floor, rows=means(found), outcomes=tuple(found))
 
 
-def _cases(solid: WatertightShape, config: EvalConfig, index: int) -> Iterator[tuple[str, MaskedObject, Measured]]:
+def cases(
+    solid: WatertightShape, config: EvalConfig, index: int, groups: Sequence[str] = tuple(GROUPS)
+) -> Iterator[tuple[str, MaskedObject, Measured]]:
+    """Masks of one shape, each with the group that it belongs to and what was measured; the same for the same index."""
     for number in range(config.masks):
-        group = list(GROUPS)[number % len(GROUPS)]
+        group = groups[number % len(groups)]
         fewest, most = GROUPS[group]
         random = np.random.default_rng([config.seed, 7, index, number])
         for _ in range(_TRIES):
@@ -195,7 +198,8 @@ def _masking(group: str, config: EvalConfig) -> MaskConfig:
     )
 
 
-def _object_truth(masked: MaskedObject, cells: int) -> ObjectTruth:
+def object_truth(masked: MaskedObject, cells: int) -> ObjectTruth:
+    """The truth of a masked object, with IoU counted on `cells`³ cells of its cube."""
     centres = cell_centres(cells).reshape(-1, 3)
     truth = true_surface_samples(masked, 1)
     low, high = truth.points.min(axis=0), truth.points.max(axis=0)
@@ -312,6 +316,8 @@ def foot(report: CompletionReport) -> str:
         "side.",
         "All but `network alone` keep measured surface and leave seen-empty space empty. nothing: the measured surface "
         "as it is (its IoU: of the band behind it).",
+        "box, outlines, revolved, mirrored: see docs/decisions/0039; where one does not apply, the convex hull or the "
+        "network stands in for it. choice: the candidate of least expected error.",
         f"network: surface at occupancy {config.threshold:g}. perfect guess: the truth wherever evidence is silent, "
         "the bound for any completion of this evidence.",
     )
