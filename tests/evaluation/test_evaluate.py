@@ -52,9 +52,19 @@ def test_the_truth_itself_is_perfect(truth, perfect):
     assert found.mean["accuracy"] < 0.02 and found.mean["normal_consistency"] > 0.97  # 4,000 true samples: sparse
     assert found.mean["volume_relative_error"] == pytest.approx(0.0, abs=1e-6)
     assert found.mean["self_intersections"] == found.mean["penetration_depth"] == found.mean["room_volume"] == 0.0
+    assert found.deepest["penetration_depth"] == found.deepest["bottom_error"] == 0.0
+    assert found.objects[1].figures["volume_ratio"] == pytest.approx(1.0, abs=1e-6)
     assert found.objects[1].figures["volume"] == pytest.approx(0.9 * 0.8 * 0.7, rel=1e-5)
     assert found.scene is not None and found.scene["recall_0.05"] > 0.99
     assert set(found.mean_over.values()) == {2}
+
+
+def test_bottoms_are_told_with_their_sign_and_the_deepest_is_named(truth, tmp_path):
+    sunk, raised = moved(CRATE, (0, 0, -0.02)), moved(CUPBOARD, (0, 0, 0.005))
+    found = evaluate(write_run(tmp_path / "run", {1: sunk, 2: raised}), truth)
+    assert [found.objects[id].figures["bottom"] for id in (1, 2)] == pytest.approx([-0.02, 0.005], abs=1e-6)
+    assert found.mean["bottom_error"] == pytest.approx(0.0125, abs=1e-6) and "bottom" not in found.mean
+    assert found.deepest["bottom_error"] == found.deepest["room_depth"] == pytest.approx(0.02, abs=1e-6)
 
 
 def test_a_missing_object_counts_and_is_named(truth, tmp_path):

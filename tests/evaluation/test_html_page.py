@@ -87,6 +87,9 @@ def test_every_figure_has_words_and_columns_only_where_it_says_something(evaluat
     assert set(found.mean) <= set(METRICS) and {k for o in found.objects.values() for k in o.figures} <= set(METRICS)
     columns = table_columns(found)
     assert "iou" in columns and "precision_0.05" not in columns and "volume" not in columns
-    assert summary_sentence(found) == "1 of 2 objects found; missing: 2; 1 extra; 1 watertight."
+    assert summary_sentence(found) == (
+        "1 of 2 objects found; missing: 2; 1 extra; 1 watertight; "
+        "deepest into others 0.0 mm; deepest into room 0.0 mm; deepest bottom 20.0 mm."
+    )
     assert evaluate(evaluated[1], evaluated[2], matching="shape").objects[1].predicted == 9
     assert METRICS["accuracy"].shown(0.0123) == "12.3" and METRICS["iou"].shown(None) == "–"

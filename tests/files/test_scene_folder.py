@@ -27,7 +27,7 @@ from goc.files import (
     write_tensors,
 )
 from goc.files.layout import run_files
-from goc.scene import EvidenceGrid, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
+from goc.scene import Contact, EvidenceGrid, FlaggedMesh, Gaussians, HalfSpace, Mesh, Scene, SceneObject, World
 
 FILES = {
     "scene.json",
@@ -97,6 +97,8 @@ def random_scene(seed, parts):
                 observed=flagged(random, "colours" in own) if "observed" in own else None,
                 solid=flagged(random, "colours" in own) if "solid" in own else None,
                 evidence=random_grid(random) if "evidence" in own else None,
+                contact=random_contact(random) if "contact" in own else None,
+                walls=tuple(random_plane(random) for _ in range(2)) if "contact" in own else (),
             )
         )
     return Scene(
@@ -115,6 +117,15 @@ def random_scene(seed, parts):
         metrics={"psnr_db": float(random.normal()), "nobody knows": float("nan")},
         settings={"reconstruct": {"seed": 3, "rates": [0.1, 0.2]}, "complete": {"weights": None}},
     )
+
+
+def random_plane(random):
+    normal = random.normal(size=3)
+    return HalfSpace(normal=normal / np.linalg.norm(normal), offset=float(random.normal()))
+
+
+def random_contact(random):
+    return Contact(on=(0, 2), plane=random_plane(random), confidence=float(random.random()))
 
 
 def assert_same(one, other, path="scene"):
@@ -139,7 +150,7 @@ def assert_same(one, other, path="scene"):
         assert one == other or (one != one and other != other), path
 
 
-PARTS = st.sets(st.sampled_from(["splats", "observed", "solid", "evidence", "colours", "identity"]))
+PARTS = st.sets(st.sampled_from(["splats", "observed", "solid", "evidence", "contact", "colours", "identity"]))
 
 
 @given(st.integers(0, 10_000), st.lists(PARTS, min_size=1, max_size=3))

@@ -13,11 +13,11 @@ from typing import Literal
 from goc.bench.plan import TRANSFORMS, Method, Run
 from goc.bench.result import Result
 from goc.capture import load_capture
-from goc.complete import CompleteConfig, close_objects
+from goc.complete import CompleteConfig, close_objects, with_contacts
 from goc.errors import BenchError
 from goc.evaluation import Evaluation, evaluate
 from goc.events import ignore
-from goc.extract import ExtractConfig, extract_objects, fuse_scene
+from goc.extract import ExtractConfig, WorldConfig, extract_objects, find_world, fuse_scene
 from goc.files import is_file, object_files, object_ids, read_json, write_json, write_meshes
 from goc.files.layout import REPORT
 from goc.report import read_report
@@ -114,8 +114,9 @@ def _fuse(source: Path, out: Path, completion: CompleteConfig) -> _Told:
         capture = load_capture(source)
     with record.stage("extract"):
         mesh, objects = fuse_scene(capture, ExtractConfig()), extract_objects(capture, ExtractConfig())
+        world = find_world(mesh, capture, WorldConfig())
     with record.stage("complete"):
-        objects = close_objects(objects, completion)
+        objects = close_objects(with_contacts(objects, mesh, world), completion)
     write_meshes(out, mesh, objects)
     return _Told(stages={stage: round(took, 2) for stage, took in record.seconds.items()})
 

@@ -2,6 +2,7 @@
 
 from goc.complete.compose import Measured, closed_surface, compose, compose_field, with_margin
 from goc.complete.config import CompleteConfig, ScanConfig
+from goc.complete.contacts import with_contacts
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.hints import HINTS
 from goc.complete.hull import evidence_hull
@@ -68,5 +69,6 @@ __all__ = [
     "partial_object",
     "save_network",
     "signed_distance",
+    "with_contacts",
     "with_margin",
 ]

@@ -8,10 +8,12 @@ import numpy as np
 import torch
 from jaxtyping import Float32
 
+from goc.complete.bounds import Bounds, bounded, bounds_of, cut, without_strays
 from goc.complete.candidates import fill_of
 from goc.complete.choice import Calibration, choose_for, read_calibration
 from goc.complete.compose import Composition, Measured, compose_field, with_margin
 from goc.complete.config import CompleteConfig
+from goc.complete.contacts import with_contacts
 from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.finish import finished_surface
 from goc.complete.lite import OscLite
@@ -36,9 +38,9 @@ _BAND = 3.0 / 128.0
 def complete_objects(
     scene: Scene, config: CompleteConfig, notify: Listener = ignore, device: torch.device = CPU
 ) -> Scene:
-    """The scene with its objects closed as far as they can be: see `close_objects`."""
-    unit = scene.world.units_per_metre
-    return replace(scene, objects=close_objects(scene.objects, config, notify, device, unit))
+    """The scene with its contacts found, and its objects closed as far as they can be: see `close_objects`."""
+    objects, unit = with_contacts(scene.objects, scene.mesh, scene.world), scene.world.units_per_metre
+    return replace(scene, objects=close_objects(objects, config, notify, device, unit))
 
 
 def close_objects(
@@ -50,10 +52,11 @@ def close_objects(
 ) -> tuple[SceneObject, ...]:
     """Close every object: measured surface stays, seen-empty stays empty, the rest is filled in (paper §5).
 
-    Small objects come first, and what they fill is empty for the others.
+    Objects end at their contacts and at walls (docs/decisions/0038). Of the rest, small objects come first, and what
+    they fill is empty for the others.
 
     Args:
-        objects: open surfaces with their evidence.
+        objects: open surfaces with their evidence, and with contacts and walls where they are known.
         config: what fills the unknown.
         notify: hears one Progress an object, and a warning for each that cannot be closed, or whose closed surface is
             expected to be further from the truth than the open one.
@@ -71,13 +74,13 @@ def close_objects(
         return objects
     model = None if config.method == "hull" else network_for(config.method, config.weights, device)
     calibration = read_calibration() if config.method == "best" else None
-    closed = list(objects)
+    closed, bounds = list(objects), bounds_of(objects)
     filled: list[Composition] = []
     for number, place in enumerate(_small_first(objects), 1):
         item = objects[place]
         found, flaw = _measured(item), "its surface or its evidence is missing"
         if found is not None:
-            composed, how = _composed(found, model, config, calibration, filled)
+            composed, how = _composed(found, model, config, calibration, filled, bounds[item.id])
             solid = finished_surface(composed, found.mesh, config.faces, units_per_metre)
             flaw = watertight_flaw(solid.mesh)
             if flaw is None:
@@ -131,8 +134,10 @@ def _composed(
     config: CompleteConfig,
     calibration: Calibration | None,
     solids: Sequence[Composition],
+    bounds: Bounds,
 ) -> tuple[Composition, Completed]:
-    """The signed field of one object, where `solids` are already taken, and how it came about."""
+    """The signed field of one object within its bounds, where `solids` are already taken, and how it came about."""
+    found = without_strays(found, bounds)
     found = replace(found, evidence=without_neighbours(found.evidence, solids))
 
     def ask(seen: Measured) -> Float32[np.ndarray, "x y z"]:
@@ -146,7 +151,8 @@ def _composed(
         how = Completed(method=made.name, expected_error=made.expected_error, trusted=made.trusted)
     elif model is not None:
         fill = ask(found)
-    return compose_field(with_margin(found.evidence), fill, found.mesh.vertices), how
+    evidence = with_margin(bounded(found.evidence, bounds))
+    return cut(compose_field(evidence, fill, found.mesh.vertices), bounds, solids), how
 
 
 def _small_first(objects: Sequence[SceneObject]) -> list[int]:

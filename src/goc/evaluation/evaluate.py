@@ -13,7 +13,7 @@ from goc.evaluation.metrics import sample_surface
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.protocols.goc import score_goc
 from goc.evaluation.protocols.phyrecon import score_phyrecon
-from goc.evaluation.protocols.protocol import MatchedRun, ProtocolResult, finite, means
+from goc.evaluation.protocols.protocol import MatchedRun, ProtocolResult, deepest, finite, means
 from goc.evaluation.protocols.replica import score_replica
 from goc.evaluation.result import (
     Counts,
@@ -82,6 +82,7 @@ def evaluate(
         ),
         mean=mean,
         mean_over=over,
+        deepest=deepest(result.objects.values()),
         objects=objects,
         scene=None if result.scene is None else finite(result.scene),
         missing=missing,

@@ -60,6 +60,16 @@ METRICS: Mapping[str, MetricFormat] = {
         meaning="of a watertight prediction, relative to the true volume",
         less_is_better=True,
     ),
+    "bottom_error": _length("Bottom", "distance in height of the lowest points of prediction and truth"),
+    "bottom": _length("Bottom above", "height of the prediction's lowest point above the truth's"),
+    "volume_ratio": MetricFormat(
+        title="Volume ratio",
+        unit="",
+        scale=1.0,
+        digits=2,
+        meaning="of a watertight prediction, volume over true volume",
+        less_is_better=True,
+    ),
     "volume": _volume("Volume", "of a watertight prediction"),
     "volume_truth": _volume("True volume", "of the true solid"),
     "volume_error": _volume("Volume off by", "absolute difference of the volumes"),
@@ -82,7 +92,7 @@ METRICS: Mapping[str, MetricFormat] = {
 }
 """Every figure of any protocol, in the order of display."""
 
-_DETAIL = ("precision", "recall", "volume", "volume_truth", "volume_error")
+_DETAIL = ("precision", "recall", "volume", "volume_truth", "volume_error", "volume_ratio", "bottom")
 
 
 def table_columns(evaluation: Evaluation) -> list[str]:
@@ -101,4 +111,10 @@ def summary_sentence(evaluation: Evaluation) -> str:
     words += [f"missing: {', '.join(map(str, evaluation.missing))}"] if evaluation.missing else []
     words += [f"{counts.extra} extra"] if counts.extra else []
     words += [f"{counts.skipped} skipped by the protocol"] if counts.skipped else []
-    return "; ".join([*words, f"{counts.watertight} watertight"]) + "."
+    words += [f"{counts.watertight} watertight"]
+    words += [f"deepest {METRICS[name].title.lower()} {_in_mm(value)}" for name, value in evaluation.deepest.items()]
+    return "; ".join(words) + "."
+
+
+def _in_mm(value: float | None) -> str:
+    return NOTHING if value is None else f"{value * 1e3:,.1f} mm"

@@ -66,6 +66,8 @@ class Evaluation(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     means over the objects that have them, never a missing one, so read `mean_over` and `missing` too."""
     mean_over: dict[str, int]
     """Number of objects in each mean."""
+    deepest: Figures
+    """Greatest `penetration_depth`, `room_depth` and `bottom_error` of any object, where the protocol has them."""
     objects: dict[int, ObjectEvaluation]
     """All true objects, by id."""
     scene: Figures | None

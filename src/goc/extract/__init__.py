@@ -6,6 +6,7 @@ from goc.extract.measured_views import DepthError, MeasuredViews, measured_views
 from goc.extract.objects import extract_objects
 from goc.extract.rendered_views import rendered_views
 from goc.extract.stage import extract_scene
+from goc.extract.world import find_world
 
 __all__ = [
     "DepthError",
@@ -14,6 +15,7 @@ __all__ = [
     "WorldConfig",
     "extract_objects",
     "extract_scene",
+    "find_world",
     "fuse_scene",
     "measured_views",
     "rendered_views",

@@ -9,7 +9,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from goc import __version__
-from goc.scene import Camera, Scene, SceneObject, World
+from goc.scene import Camera, Contact, HalfSpace, Scene, SceneObject, World
 
 VERSION = 1
 """Version of scene.json and the files that it lists. Raise it whenever an older goc would misread them."""
@@ -46,8 +46,23 @@ class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     world_from_cam: Matrix
 
 
+class PlaneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """`HalfSpace`: normal · x ≥ offset, in the world of the capture."""
+
+    normal: Vector
+    offset: float
+
+
+class ContactEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """`Contact`."""
+
+    on: list[Annotated[int, msgspec.Meta(ge=0)]]
+    plane: PlaneEntry
+    confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+
+
 class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """One object; the last four fields say which of its parts have files."""
+    """One object; four fields say which of its parts have files."""
 
     id: _Count
     name: str
@@ -56,6 +71,8 @@ class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     solid: bool
     splats: bool
     evidence: bool
+    contact: ContactEntry | None = None
+    walls: list[PlaneEntry] = []
 
 
 class SceneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -130,7 +147,28 @@ def _object_entry(item: SceneObject) -> ObjectEntry:
         solid=item.solid is not None,
         splats=item.splats is not None,
         evidence=item.evidence is not None,
+        contact=None if item.contact is None else _contact_entry(item.contact),
+        walls=[_plane_entry(plane) for plane in item.walls],
     )
+
+
+def contact_of(entry: ContactEntry) -> Contact:
+    """Convert an entry of scene.json to a contact."""
+    return Contact(on=tuple(entry.on), plane=plane_of(entry.plane), confidence=entry.confidence)
+
+
+def plane_of(entry: PlaneEntry) -> HalfSpace:
+    """Convert an entry of scene.json to the side of a plane."""
+    return HalfSpace(normal=np.array(entry.normal, np.float64), offset=entry.offset)
+
+
+def _contact_entry(contact: Contact) -> ContactEntry:
+    return ContactEntry(on=list(contact.on), plane=_plane_entry(contact.plane), confidence=contact.confidence)
+
+
+def _plane_entry(plane: HalfSpace) -> PlaneEntry:
+    x, y, z = plane.normal.tolist()
+    return PlaneEntry(normal=(x, y, z), offset=plane.offset)
 
 
 def _camera_entry(name: str, camera: Camera) -> CameraEntry:

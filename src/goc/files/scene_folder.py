@@ -17,7 +17,17 @@ from goc.files.evidence import read_evidence, write_evidence
 from goc.files.layout import object_files, object_ids
 from goc.files.meshes import read_mesh, read_observed_mesh, write_mesh
 from goc.files.reading import is_file
-from goc.files.scene_entries import VERSION, ObjectEntry, SceneEntry, WorldEntry, camera_of, entry_of, world_of
+from goc.files.scene_entries import (
+    VERSION,
+    ObjectEntry,
+    SceneEntry,
+    WorldEntry,
+    camera_of,
+    contact_of,
+    entry_of,
+    plane_of,
+    world_of,
+)
 from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 from goc.scene import UNLABELLED, FlaggedMesh, Gaussians, Mesh, Scene, SceneObject, World
@@ -160,6 +170,8 @@ def _read_object(folder: Path, entry: ObjectEntry, splats: Gaussians, labels: In
         observed=_read_surface(own.observed) if entry.observed else None,
         solid=_read_surface(own.solid) if entry.solid else None,
         evidence=read_evidence(own.evidence) if entry.evidence else None,
+        contact=None if entry.contact is None else contact_of(entry.contact),
+        walls=tuple(plane_of(plane) for plane in entry.walls),
     )
 
 

@@ -15,7 +15,7 @@ from goc.geometry.surfaces import face_areas
 from goc.geometry.topology import is_watertight, signed_volume
 from goc.runs.machine import Machine, peak_memory_mb, this_machine
 from goc.runs.record import RunRecord
-from goc.scene import Capture, Completed, DepthKind, FlaggedMesh, Mesh, Scene, SceneObject
+from goc.scene import Capture, Completed, Contact, DepthKind, FlaggedMesh, Mesh, Scene, SceneObject, World
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -100,6 +100,16 @@ class DepthErrorFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_
     """That were compared."""
 
 
+class ContactFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """What an object stands on."""
+
+    on: list[int]
+    """Ids of what bears it; 0 is the floor, or another level part of the room."""
+    height_m: float
+    """Of the contact above the world's floor."""
+    confidence: float
+
+
 class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One object."""
 
@@ -111,6 +121,8 @@ class ObjectFacts(SurfaceFacts, frozen=True, kw_only=True, forbid_unknown_fields
     """Null where the object was not completed."""
     depth_error: DepthErrorFacts | None = None
     """Null where the capture has no metric depth there."""
+    contact: ContactFacts | None = None
+    """Null where nothing was found that bears it."""
 
 
 class WarningFacts(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -182,7 +194,7 @@ def write_report(
         metrics=dict(scene.metrics),
         world=_world_facts(scene),
         scene=SurfaceFacts(**_surface(scene.mesh, len(scene.splats), unit)),
-        objects=[_object_facts(item, unit, (errors or {}).get(item.id)) for item in scene.objects],
+        objects=[_object_facts(item, scene.world, (errors or {}).get(item.id)) for item in scene.objects],
         warnings=[WarningFacts(stage=warning.stage, message=warning.message) for warning in record.warnings],
         seconds={stage: round(seconds, 2) for stage, seconds in record.seconds.items()},
         peak_memory_mb=round(peak_memory_mb(), 1),
@@ -218,8 +230,8 @@ def _world_facts(scene: Scene) -> WorldFacts:
     )
 
 
-def _object_facts(item: SceneObject, units_per_metre: float, error: DepthError | None) -> ObjectFacts:
-    seen = item.observed
+def _object_facts(item: SceneObject, world: World, error: DepthError | None) -> ObjectFacts:
+    seen, units_per_metre = item.observed, world.units_per_metre
     mesh, splats = None if seen is None else seen.mesh, 0 if item.splats is None else len(item.splats)
     return ObjectFacts(
         id=item.id,
@@ -227,6 +239,7 @@ def _object_facts(item: SceneObject, units_per_metre: float, error: DepthError |
         observed_share=round(float(seen.observed.mean()), 4) if seen is not None and len(seen.observed) else 0.0,
         completion=None if item.solid is None else _completion_facts(item.solid, item.completed, units_per_metre),
         depth_error=None if error is None else _depth_error_facts(error, units_per_metre),
+        contact=None if item.contact is None else _contact_facts(item.contact, world),
         **_surface(mesh, splats, units_per_metre),
     )
 
@@ -237,6 +250,11 @@ def _depth_error_facts(error: DepthError, units_per_metre: float) -> DepthErrorF
         mad_m=round(error.mad / units_per_metre, 5),
         pixels=error.pixels,
     )
+
+
+def _contact_facts(contact: Contact, world: World) -> ContactFacts:
+    height = (contact.plane.offset - world.floor) / world.units_per_metre
+    return ContactFacts(on=list(contact.on), height_m=round(height, 4), confidence=contact.confidence)
 
 
 def _completion_facts(solid: FlaggedMesh, how: Completed | None, units_per_metre: float) -> CompletionFacts:

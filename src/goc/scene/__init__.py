@@ -12,6 +12,7 @@ from goc.scene.capture import (
     PointCloud,
     StoredFrames,
 )
+from goc.scene.contact import Contact, HalfSpace
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import Evidence, EvidenceGrid, Mesh
 from goc.scene.object import Completed, FlaggedMesh, SceneObject
@@ -29,6 +30,7 @@ __all__ = [
     "CapturePriors",
     "CoarseDepth",
     "Completed",
+    "Contact",
     "DepthKind",
     "FlaggedMesh",
     "Evidence",
@@ -36,6 +38,7 @@ __all__ = [
     "Frame",
     "FrameSource",
     "Gaussians",
+    "HalfSpace",
     "Mesh",
     "PointCloud",
     "Reconstruction",

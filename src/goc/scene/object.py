@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from goc.scene.contact import Contact, HalfSpace
 from goc.scene.gaussians import Gaussians
 from goc.scene.mesh import EvidenceGrid, Mesh
 
@@ -48,6 +49,10 @@ class SceneObject:
     """How `solid` came about, where this run made it."""
     evidence: EvidenceGrid | None = None
     """What the cameras say of the box round it."""
+    contact: Contact | None = None
+    """What bears it; None where nothing was found to, as under a lamp, or where nobody has looked yet."""
+    walls: tuple[HalfSpace, ...] = ()
+    """Planes of the room that it is in front of."""
 
     @property
     def surface(self) -> FlaggedMesh | None:

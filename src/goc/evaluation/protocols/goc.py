@@ -90,6 +90,7 @@ class _GocScorer:
         nan = float("nan")
         volume = solid.volume if solid.flaw is None else nan
         expected = true.volume if true.has_inside else nan
+        bottom = float(solid.box[0][2] - true.box[0][2])
         figures = {
             "watertight": float(solid.flaw is None),
             "self_intersections": float(solid.self_intersections),
@@ -97,6 +98,9 @@ class _GocScorer:
             "volume_truth": expected,
             "volume_error": abs(volume - expected),
             "volume_relative_error": abs(volume - expected) / expected if expected > 0 else nan,
+            "volume_ratio": volume / expected if expected > 0 else nan,
+            "bottom": bottom,
+            "bottom_error": abs(bottom),
             "iou": nan,
         }
         if true.has_inside:

@@ -10,8 +10,10 @@ from goc.evaluation.prediction import Prediction
 from goc.evaluation.result import Figures
 from goc.evaluation.truth import Truth
 
-_NO_MEAN = ("volume", "volume_truth", "volume_error")
-"""Figures that are not averaged: a mean over a sofa and a cup says nothing."""
+_NO_MEAN = ("volume", "volume_truth", "volume_error", "volume_ratio", "bottom")
+"""Figures that are not averaged: a mean over a sofa and a cup says nothing, and signs cancel."""
+
+_CONTACT = ("penetration_depth", "room_depth", "bottom_error")
 
 Settings = dict[str, float | int | str | list[float]]
 
@@ -63,6 +65,16 @@ def means(objects: Iterable[Mapping[str, float]]) -> tuple[Figures, dict[str, in
         mean[name] = float(np.mean(values)) if values else None
         over[name] = len(values)
     return mean, over
+
+
+def deepest(objects: Iterable[Mapping[str, float]]) -> Figures:
+    """The greatest of each figure of contact over the objects that have it."""
+    rows = list(objects)
+    found: Figures = {}
+    for name in _CONTACT:
+        values = [row[name] for row in rows if name in row and np.isfinite(row[name])]
+        found |= {name: float(max(values))} if values else {}
+    return found
 
 
 def finite(figures: Mapping[str, float]) -> Figures:
