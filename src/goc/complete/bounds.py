@@ -121,7 +121,8 @@ def cut(composed: Composition, bounds: Bounds, solids: Sequence[Composition]) ->
     if not (distance < 0).any():
         return composed
     distance = np.where(np.abs(distance) < 1e-3, np.copysign(np.float32(1e-3), distance), distance)
-    return replace(composed, distance=without_cavities(distance.astype(np.float32)))
+    planes = (*_planes(bounds), *(imprint.plane for imprint in bounds.imprints))
+    return replace(composed, distance=without_cavities(distance.astype(np.float32)), planes=planes)
 
 
 def _planes(bounds: Bounds) -> tuple[HalfSpace, ...]:

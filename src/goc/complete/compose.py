@@ -9,7 +9,7 @@ from scipy import ndimage
 from goc.complete.colours import inpainted, with_measured_colours
 from goc.complete.hull import BAND, evidence_hull, neighbour_mean, relaxed
 from goc.geometry.isosurface import grid_surface
-from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, Mesh
+from goc.scene import Evidence, EvidenceGrid, FlaggedMesh, HalfSpace, Mesh
 
 _MARGIN = 2
 """Empty voxels put round the evidence, so that every surface closes inside the grid."""
@@ -44,6 +44,8 @@ class Composition:
     """Voxels, positive outside; its outermost layers are outside."""
     evidence: EvidenceGrid
     """The evidence on the same grid."""
+    planes: tuple[HalfSpace, ...] = ()
+    """What it was cut at: vertices on them stay there."""
 
 
 def with_margin(evidence: EvidenceGrid, margin: int = _MARGIN) -> EvidenceGrid:

@@ -13,6 +13,8 @@ from goc.scene import FlaggedMesh, Mesh
 
 _ROUNDS = 20
 """Of relaxing: 32 % of the gap in normals between imagined and measured surface, and nothing lost in place (0041)."""
+_ON_PLANE = 0.01
+"""Voxels within which a vertex is on a plane that the field was cut at."""
 _TOLERANCE = 0.001
 """Simplified surfaces stay this near to the full one, metres …"""
 _SMALL, _VOXELS = 0.002, 0.1
@@ -39,7 +41,7 @@ def finished_surface(composed: Composition, seen: Mesh, faces: int, units_per_me
     """
     surface = with_measured_colours(bare_surface(composed), seen)
     if watertight_flaw(surface.mesh) is None:
-        finished = _even(surface)
+        finished = _even(surface, composed)
         if faces > 0:
             finished = _light(finished, faces, composed.evidence.voxel, units_per_metre)
         if watertight_flaw(finished.mesh) is None:
@@ -47,8 +49,12 @@ def finished_surface(composed: Composition, seen: Mesh, faces: int, units_per_me
     return inpainted(surface)
 
 
-def _even(surface: FlaggedMesh) -> FlaggedMesh:
+def _even(surface: FlaggedMesh, composed: Composition) -> FlaggedMesh:
+    """Relaxed, with vertices on the planes that the field was cut at still on them: a flat bottom stays flat."""
     places = relaxed_surface(surface.mesh, ~surface.observed, _ROUNDS)
+    for plane in composed.planes:
+        on = np.abs(plane.depth(surface.mesh.vertices)) < _ON_PLANE * composed.evidence.voxel
+        places[on] -= (plane.depth(places[on])[:, None] * plane.normal).astype(np.float32)
     return replace(surface, mesh=replace(surface.mesh, vertices=places))
 
 
