@@ -100,8 +100,8 @@ def carve(
                 views, splats = _told_apart(views, splats, config.segment, engine.device, run)
         with run.stage("extract"):
             measured = measured_views(capture, views, run)
-            views, noise = measured.views, measured.noise
-            scene = extract_scene(splats, views, config.extract, config.world, run, engine.device, noise)
+            views = measured.views
+            scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
             scene = replace(scene, settings=as_json(used), metrics=scene.metrics | measured.metrics)
         with run.stage("complete"):
             scene = complete_objects(scene, config.complete, run, working_device(config.device))

@@ -10,7 +10,7 @@ from boxrooms import Pose, box_room, cube, orbit, table
 from cameras import capture_of, pinhole, placed
 from goc.events import ignore
 from goc.extract import measured_views
-from goc.extract.agreement import depth_gaps, measured_noise
+from goc.extract.agreement import depth_gaps, measured_noise, views_noise
 from goc.extract.measured_views import averaged, depth_errors
 from goc.fusion import DepthNoise, Detail, FusionConfig, evidence_block_grid
 from goc.scene import StoredFrames
@@ -128,13 +128,13 @@ def test_averaging_keeps_what_the_splats_show_and_stays_on_one_surface():
 def test_without_metric_depth_all_stays_with_the_splats(exact, shown):
     for capture in (replace(exact, depth_kind="affine"), replace(exact, has_depth=False)):
         found = measured_views(capture, shown, ignore)
-        assert found.views is shown and found.noise is None and not found.errors and not found.metrics
+        assert found.views is shown and not found.errors and not found.metrics
 
 
 def test_too_little_overlap_to_judge_stays_with_the_splats(exact, shown):
     alone, drawn = capture_of([exact[0]]), capture_of([shown[0]])
     found = measured_views(alone, drawn)
-    assert found.views is drawn and found.noise is None
+    assert found.views is drawn and not found.metrics
     assert found.errors[1].median == pytest.approx(BIAS, abs=1e-5)
 
 
@@ -165,8 +165,9 @@ def test_the_choice_scales_with_the_scene(exact, shown):
     [
         (0.0, 0.0, 0.001, 0.002),
         (0.012, 0.0, 0.004, 0.008),
-        (0.012, 0.010, 0.005, 0.010),
-        (0.012, 0.060, 0.030, 0.060),
+        (0.012, 0.003, 0.004, 0.009),
+        (0.012, 0.006, 0.006, 0.018),
+        (0.012, 0.060, 0.060, 0.180),
         (0.012, None, 0.004, 0.012),
     ],
 )
@@ -184,7 +185,8 @@ def test_evidence_of_clean_close_depth_is_finer_and_never_finer_than_its_pixels(
 
     assert voxel(None) == pytest.approx(1.0 / 128)
     assert voxel(Detail(footprint=0.003, noise=0.0)) == pytest.approx(1.0 / 256)
-    assert voxel(Detail(footprint=0.018, noise=0.0)) == pytest.approx(0.006)
+    assert voxel(Detail(footprint=0.009, noise=0.0)) == pytest.approx(0.006)
+    assert voxel(Detail(footprint=0.018, noise=0.0)) == pytest.approx(1.0 / 128)
     assert voxel(Detail(footprint=0.060, noise=0.0)) == pytest.approx(0.020)
     assert voxel(Detail(footprint=0.003, noise=None)) == pytest.approx(1.0 / 128)
 
@@ -192,3 +194,11 @@ def test_evidence_of_clean_close_depth_is_finer_and_never_finer_than_its_pixels(
 def test_noise_grows_with_the_square_of_depth():
     noise = DepthNoise(floor=0.001, square=0.002)
     assert noise.at(torch.tensor([0.0, 1.0, 3.0])).tolist() == pytest.approx([0.001, 0.003, 0.019])
+
+
+def test_the_noise_of_views_is_measured_where_it_is_not_told():
+    clean = views_noise(box_room(BOXES, orbit(10), size=(80, 60)))
+    rough = views_noise(box_room(BOXES, orbit(10), size=(80, 60), noise=0.01))
+    assert float(rough.at(torch.tensor(2.0))) == pytest.approx(0.01, rel=0.3)
+    assert float(clean.at(torch.tensor(2.0))) < 0.002
+    assert views_noise(replace(box_room(BOXES, orbit(2), size=(40, 30)), has_depth=False)) is None

@@ -1,6 +1,6 @@
 """How well the depth of views agrees: each pixel's surface, looked for in the depth of views from elsewhere."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import torch
@@ -23,6 +23,10 @@ _BINS = 8
 """Ranges of depth that the noise is measured in."""
 _FEWEST = 200
 """Pairs of pixels that a noise is measured from at least."""
+_STEP = 4
+"""Every how many pixels, across and down, views are compared."""
+_SAMPLED = 32
+"""Views that are enough to tell a capture's noise or its typical depth."""
 
 
 def depth_gaps(
@@ -56,28 +60,54 @@ def depth_gaps(
     return between, torch.where(between.isnan(), each.gather(-1, nearest)[..., 0], between)
 
 
-def comparable_views(views: Capture, distance: float) -> tuple[tuple[int, ...], ...]:
-    """Up to four views that see the surface of each view from elsewhere; `distance` is the scene's typical depth."""
-    chosen = parallax_views(views.cameras, distance, min(_NEIGHBOURS, max(1, len(views) - 1)))
+def comparable_views(views: Capture) -> tuple[tuple[int, ...], ...]:
+    """Up to four views that see the surface of each view from elsewhere."""
+    chosen = parallax_views(views.cameras, typical_depth(views), min(_NEIGHBOURS, max(1, len(views) - 1)))
     return tuple(tuple(int(other) for other in row if other >= 0) for row in chosen)
 
 
-def disagreement(
-    depth: Float[Tensor, "h w"], camera: Camera, others: Iterable[tuple[Camera, Float[Tensor, "h w"]]], step: int
-) -> Float[Tensor, "2 m"]:
-    """Depth z of every `step`-th pixel each way, and its gap to each other view's, where both see one surface."""
-    z = depth[::step, ::step]
-    points = camera.unproject_depth(depth)[::step, ::step]
-    found = []
-    for other, measured in others:
-        gap, _ = depth_gaps(points, other, measured)
-        kept = gap.abs() < _COMPARABLE * z
-        found.append(torch.stack([z[kept], gap[kept]]))
-    return torch.cat(found, -1) if found else depth.new_zeros(2, 0)
+def views_noise(views: Capture) -> DepthNoise | None:
+    """How noisy the depth of some views is, from how well others agree with it; None where that cannot be told."""
+    if not views.has_metric_depth:
+        return None
+    neighbours = comparable_views(views)
+    return measured_noise([view_gaps(views, index, neighbours[index]) for index in _some(views)])
+
+
+def view_gaps(views: Capture, index: int, neighbours: tuple[int, ...]) -> Float[Tensor, "2 m"]:
+    """Depth z of every fourth pixel each way, and its gap to each neighbour's depth, where both see one surface."""
+    camera, depth = views.cameras[index], _positive(views, index)
+    if depth is None:
+        return torch.zeros(2, 0)
+    z, points = depth[::_STEP, ::_STEP], camera.unproject_depth(depth)[::_STEP, ::_STEP]
+    found = [depth.new_zeros(2, 0)]
+    for other in neighbours:
+        measured = _positive(views, other)
+        if measured is not None:
+            gap, _ = depth_gaps(points, views.cameras[other], measured)
+            kept = gap.abs() < _COMPARABLE * z
+            found.append(torch.stack([z[kept], gap[kept]]))
+    return torch.cat(found, -1)
+
+
+def typical_depth(views: Capture) -> float:
+    """Median depth of some views; 1 where there is none."""
+    depths = [depth for depth in (_positive(views, index) for index in _some(views)) if depth is not None]
+    medians = [depth.nanmedian() for depth in depths if depth.isfinite().any()]
+    return float(torch.stack(medians).median()) if medians else 1.0
+
+
+def _some(views: Capture) -> range:
+    return range(0, len(views), -(-len(views) // _SAMPLED))
+
+
+def _positive(views: Capture, index: int) -> Float[Tensor, "h w"] | None:
+    depth = views[index].depth
+    return None if depth is None else torch.where(depth > 0, depth, torch.nan)
 
 
 def measured_noise(pairs: Sequence[Float[Tensor, "2 _"]]) -> DepthNoise | None:
-    """Noise of one view's depth from the gaps of `disagreement`; None where too few pixels were compared.
+    """Noise of one view's depth from the gaps of `view_gaps`; None where too few pixels were compared.
 
     Medians in ranges of depth, so that other surfaces and edges do not count; then the law of `DepthNoise` through
     them, by relative error. Both ends of a gap are noisy: it is wider than either by √2.

@@ -1,7 +1,6 @@
 """Views for extraction: given depth where it deserves trust, else the splats' (docs/decisions/0037)."""
 
 import itertools
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import torch
@@ -9,7 +8,7 @@ from jaxtyping import Bool, Float
 from torch import Tensor
 
 from goc.events import Listener, Progress, ignore
-from goc.extract.agreement import comparable_views, depth_gaps, disagreement, measured_noise
+from goc.extract.agreement import comparable_views, depth_gaps, measured_noise, typical_depth, view_gaps
 from goc.fusion.detail import DepthNoise
 from goc.scene import Camera
 from goc.scene.cache import ViewCache
@@ -17,10 +16,8 @@ from goc.scene.capture import Capture, Frame, FrameSource
 
 _KEPT_BYTES = 512 * 2**20
 """Chosen depth kept, all views together."""
-_SAMPLED = 32
-"""Views that the noise is measured in."""
 _STEP = 4
-"""Every how many pixels, across and down."""
+"""Every how many pixels, across and down, errors are counted."""
 _SURE = 3.0
 """Gaps above this many standard deviations are more than noise."""
 _THROUGH = 0.02
@@ -53,8 +50,6 @@ class MeasuredViews:
 
     views: Capture
     """Photographs with the chosen depth, and the splats' ids."""
-    noise: DepthNoise | None
-    """Of the given depth; None where none was used."""
     metrics: dict[str, float]
     """What was measured of the given depth, for the report."""
     errors: dict[int, DepthError]
@@ -70,17 +65,18 @@ def measured_views(capture: Capture, shown: Capture, notify: Listener = ignore) 
         notify: hears progress.
 
     Returns:
-        The views, and the noise of the given depth. Without metric depth, or where too little of it overlaps to tell
-        how noisy it is, `shown` as it is.
+        The views, and what was measured of the given depth. Without metric depth, or with too little
+        overlap to tell how noisy it is, `shown` as it is.
     """
     if not capture.has_metric_depth:
-        return MeasuredViews(views=shown, noise=None, metrics={}, errors={})
-    typical = _typical_depth(capture)
-    neighbours = comparable_views(capture, typical)
-    compared = list(_compared(capture, neighbours, notify))
+        return MeasuredViews(views=shown, metrics={}, errors={})
+    neighbours, compared = comparable_views(capture), []
+    for index, around in enumerate(neighbours):
+        compared.append(view_gaps(capture, index, around))
+        notify(Progress(stage="compare depth", done=index + 1, total=len(capture)))
     noise, errors = measured_noise(compared), depth_errors(capture, shown)
     if noise is None:
-        return MeasuredViews(views=shown, noise=None, metrics={}, errors=errors)
+        return MeasuredViews(views=shown, metrics={}, errors=errors)
     drifting = frozenset(view for view, pairs in enumerate(compared) if _drifts(pairs, noise))
     choice = DepthChoice(
         given=capture.frames,
@@ -92,10 +88,10 @@ def measured_views(capture: Capture, shown: Capture, notify: Listener = ignore) 
     )
     frames = ChosenFrames(below=shown.frames, chosen=ViewCache(choice, _KEPT_BYTES))
     metrics = {
-        "given_depth_noise_m": float(noise.at(torch.tensor(typical))) / capture.units_per_metre,
+        "given_depth_noise_m": float(noise.at(torch.tensor(typical_depth(capture)))) / capture.units_per_metre,
         "given_depth_views_left_out": float(len(drifting)),
     }
-    return MeasuredViews(views=replace(shown, frames=frames), noise=noise, metrics=metrics, errors=errors)
+    return MeasuredViews(views=replace(shown, frames=frames), metrics=metrics, errors=errors)
 
 
 def depth_errors(capture: Capture, shown: Capture) -> dict[int, DepthError]:
@@ -210,25 +206,6 @@ def averaged(
 def _share_of_pixel(sigma: Float[Tensor, "h w"], depth: Float[Tensor, "h w"], camera: Camera) -> float:
     """Noise as a share of the side of a pixel on the surface: median of a view."""
     return float((sigma * camera.focal_px.to(depth).mean() / depth).nanmedian())
-
-
-def _typical_depth(capture: Capture) -> float:
-    """Median depth of some of the views."""
-    some = (capture[index].depth for index in range(0, len(capture), -(-len(capture) // _SAMPLED)))
-    medians = [depth[depth > 0].median() for depth in some if depth is not None and (depth > 0).any()]
-    return float(torch.stack(medians).median()) if medians else 1.0
-
-
-def _compared(
-    capture: Capture, neighbours: tuple[tuple[int, ...], ...], notify: Listener
-) -> Iterator[Float[Tensor, "2 _"]]:
-    """The gaps of `disagreement`, view by view."""
-    for index, around in enumerate(neighbours):
-        depth = capture[index].depth
-        pairs = [(capture.cameras[other], capture[other].depth) for other in around]
-        measured = [(camera, found) for camera, found in pairs if found is not None]
-        yield torch.zeros(2, 0) if depth is None else disagreement(depth, capture.cameras[index], measured, _STEP)
-        notify(Progress(stage="compare depth", done=index + 1, total=len(capture)))
 
 
 def _drifts(pairs: Float[Tensor, "2 _"], noise: DepthNoise) -> bool:

@@ -6,11 +6,11 @@ import torch
 
 from goc.device import CPU
 from goc.events import Listener, ignore
+from goc.extract.agreement import views_noise
 from goc.extract.config import ExtractConfig, WorldConfig
 from goc.extract.fuse import fuse_scene
 from goc.extract.objects import extract_objects
 from goc.extract.world import find_world
-from goc.fusion.detail import DepthNoise
 from goc.scene import Capture, Reconstruction, Scene
 
 
@@ -21,7 +21,6 @@ def extract_scene(
     world: WorldConfig,
     notify: Listener = ignore,
     device: torch.device = CPU,
-    noise: DepthNoise | None = None,
 ) -> Scene:
     """Mesh the scene and every object in it, and find the scene's world.
 
@@ -32,7 +31,6 @@ def extract_scene(
         world: up and floor, where the user knows them.
         notify: hears progress and warnings.
         device: where views are fused.
-        noise: of the views' depth, where it was measured.
 
     Returns:
         Open objects with evidence, ascending ids, in the capture's world and units; nothing is closed yet.
@@ -40,6 +38,7 @@ def extract_scene(
     Raises:
         ExtractError: no view has ids or depth, or no surface is left.
     """
+    noise = views_noise(views)
     mesh = fuse_scene(views, config, notify, device, noise)
     objects = extract_objects(views, config, notify, device, noise)
     return Scene(

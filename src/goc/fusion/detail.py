@@ -15,8 +15,8 @@ _LEAST_BAND = 2.0
 """Voxels: a narrower band has holes."""
 _PIXEL_SHARE = 1 / 3
 """Voxels are no smaller than this share of a pixel: what about ten views together resolve."""
-_NOISE_SHARE = 0.5
-"""And no smaller than this share of the noise of one view."""
+_BANDS = 3.0
+"""Half the width of the band, in standard deviations of the noise."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,14 +43,14 @@ class Detail:
     """Standard deviation of its depth in one view; None where it was not measured."""
 
     def finest(self, config: FusionConfig, units_per_metre: float) -> float:
-        """Smallest voxel that shows more surface than noise."""
+        """Smallest voxel that shows more surface than noise, of which it is one standard deviation."""
         least = config.finest_voxel * units_per_metre
-        return max(least, _PIXEL_SHARE * self.footprint, _NOISE_SHARE * (self.noise or 0.0))
+        return max(least, _PIXEL_SHARE * self.footprint, self.noise or 0.0)
 
     def band(self, voxel: float, config: FusionConfig) -> float:
         """Half the width of the band that one view speaks for: as narrow as noise and voxel allow."""
         widest = config.truncation_voxels * voxel
-        return widest if self.noise is None else min(widest, max(_LEAST_BAND * voxel, self.noise))
+        return widest if self.noise is None else min(widest, max(_LEAST_BAND * voxel, _BANDS * self.noise))
 
 
 @dataclass(eq=False)

@@ -8,6 +8,8 @@ from goc.fusion.detail import Detail
 from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.scene import Evidence, EvidenceGrid
 
+_EASED = 2.0
+"""Evidence asks for voxels this many times the finest: at half the voxel, its dense grid is eight times as large."""
 _KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
@@ -18,8 +20,8 @@ def evidence_block_grid(
     """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
 
     Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
-    surface where it is, and can do so only as finely as this. With a `detail` of measured noise all get as many as it
-    is good for, so that thin walls are thicker than the band.
+    surface where it is, and can do so only as finely as this. Where pixels are small and depth is clean (`detail`),
+    all do, so that thin walls are thicker than the band.
     """
     pad = config.evidence_pad * units_per_metre
     low, high = _extent(points)
@@ -28,7 +30,7 @@ def evidence_block_grid(
     finest = config.finest_voxel * units_per_metre if detail is None else detail.finest(config, units_per_metre)
     wanted = min(config.object_voxel * units_per_metre, longest / config.evidence_cells)
     if detail is not None and detail.noise is not None:
-        wanted = min(wanted, finest)
+        wanted = min(wanted, _EASED * finest)
     voxel = max(wanted, longest / (2 * config.evidence_cells), finest)
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
