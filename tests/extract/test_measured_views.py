@@ -177,18 +177,17 @@ def test_pixels_and_noise_set_voxels_and_bands(footprint, noise, voxel, band):
     assert detail.band(voxel, config) == pytest.approx(band)
 
 
-def test_evidence_of_clean_close_depth_is_finer_and_never_finer_than_its_pixels():
+def test_evidence_is_never_finer_than_its_pixels_and_its_band_stays_wide():
     points, config = np.array([[0, 0, 0], [0.92, 0.5, 0.5]], np.float32), FusionConfig(object_voxel=1.0)
 
-    def voxel(detail):
-        return evidence_block_grid(points, 1.0, config, detail).voxel
+    def box(detail):
+        return evidence_block_grid(points, 1.0, config, detail)
 
-    assert voxel(None) == pytest.approx(1.0 / 128)
-    assert voxel(Detail(footprint=0.003, noise=0.0)) == pytest.approx(1.0 / 256)
-    assert voxel(Detail(footprint=0.009, noise=0.0)) == pytest.approx(0.006)
-    assert voxel(Detail(footprint=0.018, noise=0.0)) == pytest.approx(1.0 / 128)
-    assert voxel(Detail(footprint=0.060, noise=0.0)) == pytest.approx(0.020)
-    assert voxel(Detail(footprint=0.003, noise=None)) == pytest.approx(1.0 / 128)
+    assert box(None).voxel == pytest.approx(1.0 / 128)
+    assert box(Detail(footprint=0.003, noise=0.0)).voxel == pytest.approx(1.0 / 128)
+    assert box(Detail(footprint=0.060, noise=0.0)).voxel == pytest.approx(0.020)
+    assert box(Detail(footprint=0.003, noise=0.015)).voxel == pytest.approx(0.015)
+    assert box(Detail(footprint=0.003, noise=0.0)).truncation == pytest.approx(3.0 / 128)
 
 
 def test_noise_grows_with_the_square_of_depth():

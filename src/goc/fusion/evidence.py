@@ -8,8 +8,6 @@ from goc.fusion.detail import Detail
 from goc.fusion.volume import BLOCK, BlockGrid, Volume
 from goc.scene import Evidence, EvidenceGrid
 
-_EASED = 2.0
-"""Evidence asks for voxels this many times the finest: at half the voxel, its dense grid is eight times as large."""
 _KNOWN_LAYER = 0.25
 """Share of an outer layer of the box that rays must have crossed for it to be worth keeping."""
 
@@ -20,8 +18,9 @@ def evidence_block_grid(
     """Box of voxels round an object's measured points: padded, at least `evidence_cells` along its longest side.
 
     Large objects get more, up to twice as many, until voxels are those of their mesh: completion keeps the measured
-    surface where it is, and can do so only as finely as this. Where pixels are small and depth is clean (`detail`),
-    all do, so that thin walls are thicker than the band.
+    surface where it is, and can do so only as finely as this. Voxels are no finer than pixels and noise are (`detail`).
+    The band stays wide, other than that of the open mesh: behind a narrow one, rays that pass beside a silhouette carve
+    pits into what is solid.
     """
     pad = config.evidence_pad * units_per_metre
     low, high = _extent(points)
@@ -29,15 +28,13 @@ def evidence_block_grid(
     longest = float((high - low).max())
     finest = config.finest_voxel * units_per_metre if detail is None else detail.finest(config, units_per_metre)
     wanted = min(config.object_voxel * units_per_metre, longest / config.evidence_cells)
-    if detail is not None and detail.noise is not None:
-        wanted = min(wanted, _EASED * finest)
     voxel = max(wanted, longest / (2 * config.evidence_cells), finest)
     shape = -(-np.ceil((high - low) / voxel).astype(np.int64) // BLOCK)
     blocks = np.stack(np.meshgrid(*(np.arange(n) for n in shape), indexing="ij"), axis=-1).reshape(-1, 3)
     return BlockGrid(
         origin=low + voxel / 2,
         voxel=voxel,
-        truncation=config.truncation_voxels * voxel if detail is None else detail.band(voxel, config),
+        truncation=config.truncation_voxels * voxel,
         blocks=blocks.astype(np.int32),
     )
 
