@@ -16,7 +16,7 @@ from goc.fusion.depth_views import depth_views
 from goc.scene import Evidence, StoredFrames
 
 BOXES = {1: table(0.0, 0.7), 4: cube(0.15, 0.6, 0.72, 0.3)}
-CONFIG = ExtractConfig(object_voxel=0.02, object_cells=12, scene_voxel=0.04, evidence_cells=32)
+CONFIG = ExtractConfig(object_voxel=0.02, object_cells=12, scene_voxel=0.04, evidence_cells=32, evidence_pad=0.08)
 
 
 SHELL = [((-2, -2, -0.2), (2, 2, 0)), ((-2, 2, -0.2), (2, 2.2, 2.4))]
