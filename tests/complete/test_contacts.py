@@ -180,6 +180,13 @@ def test_objects_without_surface_get_no_contact():
     assert with_contacts((bare,), floor(), world())[0].contact is None
 
 
+def test_a_single_triangle_in_a_scene_of_nothing_else_has_no_walls():
+    leaf = Mesh(vertices=np.float32([[0, 0, 0.5], [1, 0, 0.5], [0, 0, 1.5]]), faces=np.int32([[0, 1, 2]]))
+    item = replace(thing(1, [BOX]), observed=FlaggedMesh(mesh=leaf, observed=np.ones(3, bool)), evidence=None)
+    (found,) = with_contacts((item,), leaf, world())
+    assert found.contact is None and found.walls == ()
+
+
 def test_a_field_is_not_cut_away_whole():
     grid = grid_of((6, 6, 6), 0.0, 1.0)
     distance = np.ones((6, 6, 6), np.float32)

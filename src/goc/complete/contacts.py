@@ -107,12 +107,13 @@ def _body(item: SceneObject, level: Float64[np.ndarray, "4 4"]) -> _Body:
     points = mesh.vertices.astype(np.float64) @ level[:3, :3].T + level[:3, 3]
     low, high = np.quantile(points[:, 2], [_LOWEST, 1 - _LOWEST]).tolist()
     above = points[:, 2] - low
+    foot = points[(above >= 0) & (above <= max(_SLAB[0], _SLAB[1] * (high - low)))]
     return _Body(
         points=points,
         tops=surface.points[surface.normals[:, 2] >= _LEVEL],
         low=low,
         height=high - low,
-        foot=points[(above >= 0) & (above <= max(_SLAB[0], _SLAB[1] * (high - low)))],
+        foot=foot if len(foot) else points[points[:, 2].argmin()][None],
     )
 
 
@@ -171,7 +172,7 @@ def _levels(of: int, ring: Float64[np.ndarray, "r 3"], body: _Body) -> list[_Can
         layer = np.abs(left[:, 2] - middle) <= 1.5 * _LAYER
         height = float(np.median(left[layer, 2]))
         turn = np.arctan2(left[layer, 1] - centre[1], left[layer, 0] - centre[0])
-        cover = len(np.unique(np.floor(turn / (2 * np.pi) * _SECTORS).astype(int))) / _SECTORS
+        cover = len(np.unique(np.floor(turn / (2 * np.pi) * _SECTORS).astype(int) % _SECTORS)) / _SECTORS
         if cover >= _LEAST_COVER:
             found.append(_Candidate(of, height, cover, _score(cover, height, body)))
         left = left[~layer & (left[:, 2] > middle - 1.5 * _LAYER)] if cover >= _LEAST_COVER else left[~layer]
