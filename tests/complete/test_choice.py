@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from goc.complete import CompleteConfig, LiteConfig, build, close_objects, save_network, stage
-from goc.complete.candidates import BOX, CONVEX, HULL, NETWORK, candidates, hypotheses
+from goc.complete.candidates import CONVEX, HULL, NETWORK, OUTLINES, candidates, hypotheses
 from goc.complete.choice import OPEN, VERSION, Calibration, Line, choose, read_calibration
 from goc.complete.features import FEATURES, features
 from goc.errors import CompleteError, FileError
@@ -37,18 +37,18 @@ def crate():
 
 def test_the_candidate_of_least_expected_error_is_chosen(crate):
     found, options = crate
-    given = dict(evidence_hull=0.03, convex_hull=0.02, box=0.01, open=0.05)
+    given = dict(evidence_hull=0.03, convex_hull=0.02, outlines=0.01, open=0.05)
     made = choose(found, options, constant(**given))
-    assert made.name == BOX and made.trusted
+    assert made.name == OUTLINES and made.trusted
     assert made.expected_error == pytest.approx(0.01 * np.ptp(found.mesh.vertices, axis=0).max(), rel=1e-5)
-    assert choose(found, options, constant(**(given | {"box": 0.04}))).name == CONVEX
+    assert choose(found, options, constant(**(given | {"outlines": 0.04}))).name == CONVEX
     unknown = constant(evidence_hull=0.03, open=0.05)  # nothing is known of the others
     assert choose(found, options, unknown).name == HULL
 
 
 def test_where_nothing_is_believable_the_tightest_closing_is_taken_and_not_trusted(crate):
     found, options = crate
-    made = choose(found, options, constant(evidence_hull=0.03, convex_hull=0.02, box=0.01, open=0.005))
+    made = choose(found, options, constant(evidence_hull=0.03, convex_hull=0.02, outlines=0.01, open=0.005))
     sizes = {option.name: (option.composed.distance < 0).sum() for option in options}
     assert sizes[made.name] == min(sizes.values())
     assert not made.trusted and made.expected_error > made.open_error
@@ -92,7 +92,7 @@ def test_a_calibration_beyond_what_was_met_is_not_extrapolated():
 
 def test_the_calibration_that_goc_ships_knows_all_candidates():
     found = read_calibration()
-    assert {HULL, CONVEX, NETWORK, BOX, OPEN} <= set(found.lines)
+    assert {HULL, CONVEX, NETWORK, OUTLINES, OPEN} <= set(found.lines)
     assert found.cases >= 10
 
 

@@ -11,7 +11,7 @@ from goc.complete.convex import convex_fill, refuted_share
 from goc.complete.hull import BAND, evidence_hull
 from goc.complete.mirrored import mirrored
 from goc.complete.mirrors import MirrorPlane, mirror_planes, surface_points
-from goc.complete.shapes import box_fill, revolution_axis, revolved_fill, silhouette_fill, square_axes
+from goc.complete.outlines import outline_fill, square_axes
 from goc.scene import Evidence, EvidenceGrid
 
 Grid = Float32[np.ndarray, "x y z"]
@@ -20,15 +20,13 @@ Filler = Callable[[Measured], Grid]
 
 HULL, CONVEX, NETWORK = "evidence hull", "convex hull", "network"
 MIRRORED_CONVEX, MIRRORED_NETWORK = "mirrored convex hull", "mirrored network"
-BOX, OUTLINES, REVOLVED = "box", "outlines", "revolved"
-ALL = (HULL, CONVEX, NETWORK, MIRRORED_CONVEX, MIRRORED_NETWORK, BOX, OUTLINES, REVOLVED)
+OUTLINES = "outlines"
+ALL = (HULL, CONVEX, NETWORK, MIRRORED_CONVEX, MIRRORED_NETWORK, OUTLINES)
 
 _CELLS = 56
 """Voxels along the longest side that are enough to judge a candidate by."""
 _COMPLETE = 0.005
 """Share of the hull's surface that was not measured below which there is nothing to choose."""
-_MOST_WRONG = 0.2
-"""Share of the measured voxels that a surface of revolution may contradict."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -51,16 +49,13 @@ class Hypotheses:
     """In which it mirrors itself."""
     axes: Float64[np.ndarray, "3 3"]
     """Rows: perpendicular directions that its normals follow."""
-    axis: tuple[Float64[np.ndarray, "3"], Float64[np.ndarray, "3"]] | None
-    """Point on and direction of the line that its normals meet."""
 
 
 def hypotheses(found: Measured) -> Hypotheses:
-    """Mirror planes, axes and axis of what was measured."""
+    """Mirror planes and axes of what was measured."""
     return Hypotheses(
         planes=mirror_planes(*surface_points(found.evidence), found.evidence),
         axes=square_axes(found),
-        axis=revolution_axis(found),
     )
 
 
@@ -110,13 +105,8 @@ def fill_of(name: str, found: Measured, supposed: Hypotheses, network: Filler | 
         return _mirrored_fill(found, supposed.planes, convex_fill)
     if name == MIRRORED_NETWORK:
         return None if network is None else _mirrored_fill(found, supposed.planes, network)
-    if name == BOX:
-        return box_fill(found, supposed.axes)
     if name == OUTLINES:
-        return silhouette_fill(found, supposed.axes)
-    if name == REVOLVED and supposed.axis is not None:
-        fill, wrong = revolved_fill(found, *supposed.axis, convex_fill(found))
-        return fill if wrong < _MOST_WRONG else None
+        return outline_fill(found, supposed.axes)
     return None
 
 

@@ -20,6 +20,8 @@ VERSION = 1
 """Version of the calibration's file. Raise it whenever a feature changes its meaning."""
 CALIBRATION = Path(str(resources.files("goc.complete"))) / "weights" / "choice.json"
 """The calibration inside the package, made with the weights beside it by `goc osc calibrate`."""
+_DOUBT = 1.5
+"""A completion is doubted if it is expected to be this many times as far from the truth as the open surface."""
 OPEN = "open"
 """The name under which the calibration keeps the error of a surface that is left open."""
 
@@ -52,7 +54,7 @@ class Calibration(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         if line is None:
             return math.inf
         level = float(np.clip(row, self.low, self.high) @ np.array(line.slopes))
-        return math.exp(level + line.spread**2 / 2)
+        return math.exp(min(level + line.spread**2 / 2, 0.0))  # no error is larger than the object
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,8 +69,8 @@ class Choice:
 
     @property
     def trusted(self) -> bool:
-        """Whether completing is expected to be no worse than not to."""
-        return self.expected_error <= self.open_error
+        """Whether completing is expected to be no worse than not to, as surely as expectations are."""
+        return self.expected_error <= _DOUBT * self.open_error
 
 
 def read_calibration(path: Path = CALIBRATION) -> Calibration:
@@ -98,7 +100,7 @@ def choose(found: Measured, options: Sequence[Candidate], calibration: Calibrati
     errors = np.array([calibration.expected(name, row) for name, row in zip(names, rows, strict=True)])
     bare = calibration.expected(OPEN, rows[names.index(HULL)])
     best = int(errors.argmin())
-    if errors[best] > bare:
+    if errors[best] > _DOUBT * bare:
         best = int(np.argmin([float((option.composed.distance < 0).sum()) for option in options]))
     return Choice(
         name=names[best],

@@ -16,8 +16,8 @@ class CompleteConfig(Settings):
     """How the surface that nobody saw is filled in."""
 
     method: Method = "best"
-    """best: for each object the candidate of least expected error, among the network, the convex hull, mirror images,
-    boxes, extrusions and surfaces of revolution. lite: the network that goc ships (or --weights) says what is solid.
+    """best: for each object the candidate of least expected error, among the network, the convex hull, mirror images
+    and extruded outlines. lite: the network that goc ships (or --weights) says what is solid.
     osc: one of the paper's size does, from --weights. hull: whatever no ray contradicts is solid. none: objects stay
     open."""
     weights: Path | None = None

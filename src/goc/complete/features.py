@@ -11,8 +11,6 @@ from goc.scene import Evidence
 
 FEATURES = (
     "one",
-    "apart from the others",
-    "apart from the nearest",
     "apart from the hull",
     "apart from the convex hull",
     "apart from the network",
@@ -36,17 +34,12 @@ def features(found: Measured, options: Sequence[Candidate]) -> Float64[np.ndarra
     areas = np.array([_area(option.composed.distance < 0) for option in options])
     apart = np.array([[float((a ^ b).sum()) for b in inside] for a in inside]) / (areas + areas[:, None]) * 2
     apart = np.log(apart * grid.voxel / longest + _LEAST)
-    mean = np.log(np.maximum((np.exp(apart).sum(axis=1) - _LEAST) / max(len(options) - 1, 1), _LEAST))
-    others = apart.copy()
-    if len(options) > 1:
-        np.fill_diagonal(others, np.inf)
+    none = np.full(len(options), np.log(_LEAST))
     names = [option.name for option in options]
-    to = [apart[:, names.index(name)] if name in names else mean for name in _REFERENCES]
+    to = [apart[:, names.index(name)] if name in names else none for name in _REFERENCES]
     free = float(inside[0].sum()) * (grid.voxel / longest) ** 3
     columns = [
         np.ones(len(options)),
-        mean,
-        others.min(axis=1),
         *to,
         np.log(np.array([imagined_share(option.composed) for option in options]) + 0.02),
         np.log(np.array([option.against for option in options]) + 0.02),

@@ -316,7 +316,7 @@ def foot(report: CompletionReport) -> str:
         "side.",
         "All but `network alone` keep measured surface and leave seen-empty space empty. nothing: the measured surface "
         "as it is (its IoU: of the band behind it).",
-        "box, outlines, revolved, mirrored: see docs/decisions/0039; where one does not apply, the convex hull or the "
+        "outlines, mirrored: see docs/decisions/0039; where one does not apply, the convex hull or the "
         "network stands in for it. choice: the candidate of least expected error.",
         f"network: surface at occupancy {config.threshold:g}. perfect guess: the truth wherever evidence is silent, "
         "the bound for any completion of this evidence.",

@@ -10,7 +10,7 @@ from goc.complete.candidates import HULL
 from goc.complete.choice import OPEN, VERSION, Calibration, Line
 from goc.complete.features import FEATURES
 
-_SHARED, _OWN = 2.0, 12.0
+_SHARED, _OWN = 8.0, 12.0
 """Ridge penalties, in cases: on slopes that all candidates share, and on what each adds to them."""
 _FOLDS = 6
 _LEAST = 1e-3
@@ -53,7 +53,7 @@ def fit_calibration(cases: Sequence[Case]) -> Calibration:
     shapes = np.unique(table.shapes)
     fold = {shape: number % _FOLDS for number, shape in enumerate(np.random.default_rng(0).permutation(shapes))}
     folds = np.array([fold[shape] for shape in table.shapes])
-    missed = np.zeros(len(table.rows))
+    missed = np.full(len(table.rows), np.nan)
     for number in range(_FOLDS):
         held = folds == number
         if held.any() and not held.all():
@@ -67,7 +67,7 @@ def fit_calibration(cases: Sequence[Case]) -> Calibration:
         low=table.rows.min(axis=0).tolist(),
         high=table.rows.max(axis=0).tolist(),
         lines={
-            name: Line(slopes=slope.tolist(), spread=float(np.sqrt(np.mean(missed[table.names == name] ** 2))))
+            name: Line(slopes=slope.tolist(), spread=float(np.sqrt(np.nanmean(missed[table.names == name] ** 2))))
             for name, slope in kept.items()
         },
         cases=len(cases),
@@ -130,5 +130,6 @@ def _raw(
 
 
 def _levels(table: _Table, slopes: dict[str, Float64[np.ndarray, "f"]]) -> Float64[np.ndarray, "n"]:
-    none = np.zeros(table.rows.shape[1])
+    """Logarithms of the errors that the slopes tell; NaN for candidates of which there are none."""
+    none = np.full(table.rows.shape[1], np.nan)
     return np.array([row @ slopes.get(str(name), none) for row, name in zip(table.rows, table.names, strict=True)])
