@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
-from goc.bench.config import SUITES, BenchConfig
+from goc.bench.config import OF_ROOMS, BenchConfig
 from goc.errors import CaptureError
 
 Views = Literal["full", "sparse"]
@@ -98,7 +98,7 @@ def plan(config: BenchConfig, rooms: list[str]) -> list[Table]:
     """List all tables of the chosen suites, in the order of the document."""
     common = _common_words(config)
     tables: list[Table] = []
-    for suite in SUITES:
+    for suite in OF_ROOMS:
         if suite in config.suites:
             tables += _SUITES[suite](config, rooms, common)
     return tables

@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from goc.bench.config import BenchConfig
+from goc.bench.config import OF_ROOMS, BenchConfig
 from goc.bench.document import document
 from goc.bench.inputs import make_input, make_rooms
+from goc.bench.osc import osc_document, osc_results
 from goc.bench.plan import Run, Table, plan, rooms_of
 from goc.bench.result import Result
 from goc.bench.run import kept_result, measure
@@ -32,7 +33,8 @@ def bench(config: BenchConfig, out: Path, docs: Path, command: str, notify: List
     Raises:
         BenchError: a run failed; the others were still done, and the document written.
     """
-    rooms = rooms_of(config) | make_rooms(config, out / "rooms", notify)
+    is_of_rooms = bool(set(config.suites) & set(OF_ROOMS))
+    rooms = rooms_of(config) | make_rooms(config, out / "rooms", notify) if is_of_rooms else {}
     tables = plan(config, list(rooms))
     runs = _once(tables)
     results: dict[str, Result] = {}
@@ -51,6 +53,10 @@ def bench(config: BenchConfig, out: Path, docs: Path, command: str, notify: List
         results[run.name] = result
         write_bytes(docs, document(tables, results, this_machine(), command).encode())
     notify(Progress(stage=_STAGE, done=len(runs), total=len(runs)))
+    networks = osc_document(config, osc_results(config, out / "osc", notify))
+    if networks:
+        text = document(tables, results, this_machine(), command)
+        write_bytes(docs, "\n".join([text.rstrip("\n"), "", *networks]).encode())
     if failures:
         raise BenchError(f"{len(failures)} of {len(runs)} runs failed (first: {failures[0]})")
     return results
