@@ -1,8 +1,9 @@
 """Base class and ranges of settings: each field states its range in its type, and is checked when an object is made."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from functools import cache
-from typing import Annotated, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 from goc.errors import ConfigError
 
@@ -79,11 +80,20 @@ class Settings:
         """Check the range of every field."""
         for name, bounds in ranges(type(self)).items():
             value = getattr(self, name)
-            values = value if isinstance(value, tuple) else () if value is None else (value,)
+            values = tuple(_numbers(value))
             for one in values:
                 if one not in bounds:
                     shown = " ".join(f"{each:.12g}" if isinstance(each, float) else str(each) for each in values)
                     raise ConfigError(f"{{{name}}} is {shown}: needs {bounds.demand(one)}.", type(self))
+
+
+def _numbers(value: object) -> Iterator[Any]:
+    """All that a value holds, out of tuples of tuples; nothing of None."""
+    if isinstance(value, tuple):
+        for part in value:
+            yield from _numbers(part)
+    elif value is not None:
+        yield value
 
 
 @cache

@@ -7,7 +7,7 @@ from scipy.ndimage import map_coordinates
 from goc.cli import main
 from goc.complete import ScanConfig, complete_scan, with_margin
 from goc.complete.poisson import poisson_fill
-from goc.complete.scan import measured_scan
+from goc.complete.scan_evidence import measured_scan, scan_grid
 from goc.errors import CompleteError, ConfigError, FileError
 from goc.events import Warned
 from goc.files import read_observed_mesh, read_scan, write_mesh, write_points
@@ -42,7 +42,7 @@ def test_a_ball_with_a_hole_is_closed_and_keeps_its_points(with_normals):
     cloud = ball()
     if not with_normals:
         cloud = PointCloud(positions=cloud.positions, colours=cloud.colours)
-    done = complete_scan(cloud, ScanConfig(cells=48))
+    done = complete_scan(cloud, ScanConfig(method="smooth", cells=48))
     assert trouble(done.mesh.vertices, done.mesh.faces) == ""
     off = np.linalg.norm(done.mesh.vertices - CENTRE, axis=1) - RADIUS
     assert np.abs(off[done.observed]).max() < 0.01 * RADIUS
@@ -67,7 +67,7 @@ def test_the_screened_surface_passes_through_its_points():
     cloud = PointCloud(
         positions=points.astype(np.float32), colours=np.zeros((len(points), 3), np.uint8), normals=normals
     )
-    grid = with_margin(measured_scan(cloud, 48).evidence)
+    grid = with_margin(measured_scan(cloud, scan_grid(cloud.positions, 48)).evidence)
     fill = poisson_fill(cloud.positions, normals, grid)
     assert fill.shape == grid.state.shape
     off = map_coordinates(fill, ((points - grid.origin) / grid.voxel).T, order=1)
@@ -92,7 +92,7 @@ def test_strays_are_left_out_and_said():
         colours=np.concatenate([cloud.colours, cloud.colours[:2]]),
     )
     heard = []
-    done = complete_scan(spoiled, ScanConfig(cells=32), heard.append)
+    done = complete_scan(spoiled, ScanConfig(method="smooth", cells=32), heard.append)
     assert np.ptp(done.mesh.vertices, axis=0).max() < 2.2 * RADIUS
     assert heard == [
         Warned(stage="complete", message=f"2 of {len(spoiled.positions)} points lie far from all others: left out.")
@@ -113,10 +113,10 @@ def test_parts_that_did_not_make_it_are_told():
         normals=np.concatenate([thing.normals, directions.reshape(-1, 3)]).astype(np.float32),
     )
     heard = []
-    complete_scan(cloud, ScanConfig(cells=32), heard.append)
+    complete_scan(cloud, ScanConfig(method="smooth", cells=32), heard.append)
     assert any("walls thinner than a voxel" in event.message and "Raise --cells" in event.message for event in heard)
     heard.clear()
-    complete_scan(thing, ScanConfig(cells=32), heard.append)
+    complete_scan(thing, ScanConfig(method="smooth", cells=32), heard.append)
     assert heard == []
 
 
@@ -157,21 +157,24 @@ def test_the_command_closes_files_of_every_kind(tmp_path, capsys):
         *(f"f {a} {b} {c}" for a, b, c in open_ball().faces + 1),
     ]
     (tmp_path / "mesh.obj").write_text("\n".join(obj))
+    smooth = ("--method", "smooth")
     for name in ("points.ply", "mesh.ply", "points.xyz", "mesh.obj"):
         out = tmp_path / f"{name}.closed.ply"
-        assert main(["complete", str(tmp_path / name), "--out", str(out), "--cells", "32"]) == 0
+        assert main(["complete", str(tmp_path / name), "--out", str(out), "--cells", "32", *smooth]) == 0
         mesh, observed = read_observed_mesh(out)
         assert trouble(mesh.vertices, mesh.faces) == ""
         assert 0.5 < observed.mean() < 1
-    assert main(["complete", str(tmp_path / "mesh.ply"), "--out", str(tmp_path / "a.glb"), "--cells", "24"]) == 0
+    assert (
+        main(["complete", str(tmp_path / "mesh.ply"), "--out", str(tmp_path / "a.glb"), "--cells", "24", *smooth]) == 0
+    )
     assert (tmp_path / "a.glb").read_bytes()[:4] == b"glTF"
-    assert "of the vertices filled in" in capsys.readouterr().out
+    assert "of the surface imagined" in capsys.readouterr().out
 
 
 def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
     scan, closed = tmp_path / "points.ply", tmp_path / "closed.ply"
     write_points(scan, ball(3000))
-    assert main(["complete", str(scan), "--out", str(closed), "--cells", "24"]) == 0
+    assert main(["complete", str(scan), "--out", str(closed), "--cells", "24", "--method", "smooth"]) == 0
     for source, out, text in (
         (scan, tmp_path / "a.stl", "goc writes .ply and .glb"),
         (scan, closed, "is there already. Pass --overwrite"),

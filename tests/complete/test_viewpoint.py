@@ -5,7 +5,7 @@ import pytest
 
 from goc.cli import main
 from goc.complete import ScanConfig, complete_scan
-from goc.complete.scan import measured_scan
+from goc.complete.scan_evidence import measured_scan, scan_grid
 from goc.complete.viewpoint import carve_free_space
 from goc.errors import CompleteError, ConfigError
 from goc.files import write_points
@@ -57,7 +57,7 @@ def slow_passed(grid, cloud, margin):
 
 def test_space_in_front_and_beside_is_empty_and_behind_unknown():
     cloud = front()
-    grid = measured_scan(cloud, 32).evidence
+    grid = measured_scan(cloud, scan_grid(cloud.positions, 32)).evidence
     seen = carve_free_space(grid, cloud.positions, EYE)
     assert np.array_equal(seen.state == Evidence.SURFACE, grid.state == Evidence.SURFACE)
     assert np.array_equal(seen.sdf, grid.sdf)
@@ -74,7 +74,7 @@ def test_space_in_front_and_beside_is_empty_and_behind_unknown():
 @pytest.mark.parametrize(("inner", "through"), [(0.05, False), (0.2, True)])
 def test_a_hole_is_seen_through_where_it_is_large_and_the_sensor_s_where_it_is_small(inner, through):
     cloud = front(inner)
-    grid = measured_scan(cloud, 32).evidence
+    grid = measured_scan(cloud, scan_grid(cloud.positions, 32)).evidence
     seen = carve_free_space(grid, cloud.positions, EYE)
     off = places(grid) - CENTRE
     axis = (np.linalg.norm(off[..., [0, 2]], axis=-1) < grid.voxel) & (off[..., 1] > 0)
@@ -85,7 +85,7 @@ def test_a_hole_is_seen_through_where_it_is_large_and_the_sensor_s_where_it_is_s
 def test_the_hull_of_one_view_is_the_shadow_of_what_was_seen():
     """From far away: the ball's front on a cylinder that ends at the box."""
     cloud = front()
-    done = complete_scan(cloud, ScanConfig(method="hull", cells=40, viewpoint=tuple(EYE.tolist())))
+    done = complete_scan(cloud, ScanConfig(method="hull", cells=40, viewpoint=(tuple(EYE.tolist()),)))
     assert trouble(done.mesh.vertices, done.mesh.faces) == ""
     off = np.linalg.norm(done.mesh.vertices - CENTRE, axis=1) - RADIUS
     assert np.abs(off[done.observed]).max() < 0.02 * RADIUS
@@ -98,7 +98,7 @@ def test_the_hull_of_one_view_is_the_shadow_of_what_was_seen():
 def test_estimated_normals_look_towards_the_sensor():
     bare = front()
     bare = PointCloud(positions=bare.positions, colours=bare.colours)
-    done = complete_scan(bare, ScanConfig(cells=32, viewpoint=tuple(EYE.tolist())))
+    done = complete_scan(bare, ScanConfig(method="smooth", cells=32, viewpoint=(tuple(EYE.tolist()),)))
     assert trouble(done.mesh.vertices, done.mesh.faces) == ""
     assert done.mesh.vertices[:, 1].min() == pytest.approx(CENTRE[1] - RADIUS, abs=0.02)
     assert done.mesh.vertices[:, 1].max() > CENTRE[1] - 0.2 * RADIUS
@@ -108,13 +108,13 @@ def test_viewpoints_that_cannot_be_are_refused(tmp_path, capsys):
     cloud = front()
     with pytest.raises(CompleteError, match=r"--viewpoint 1 -0\.3 0\.5: lies among the points"):
         bare = PointCloud(positions=cloud.positions, colours=cloud.colours)
-        complete_scan(bare, ScanConfig(cells=32, viewpoint=(1.0, -0.3, 0.5)))
+        complete_scan(bare, ScanConfig(method="smooth", cells=32, viewpoint=((1.0, -0.3, 0.5),)))
     with pytest.raises(CompleteError, match=r"100% of the scan's normals look away"):
-        complete_scan(cloud, ScanConfig(cells=32, viewpoint=(1.0, 40.0, 0.5)))
+        complete_scan(cloud, ScanConfig(method="smooth", cells=32, viewpoint=((1.0, 40.0, 0.5),)))
     with pytest.raises(ConfigError, match="ScanConfig.method hull needs ScanConfig.viewpoint"):
-        ScanConfig(method="hull")
+        ScanConfig(method="hull", find_viewpoint=False)
     with pytest.raises(ConfigError, match="needs a finite number"):
-        ScanConfig(viewpoint=(0.0, float("nan"), 1.0))
+        ScanConfig(viewpoint=((0.0, float("nan"), 1.0),))
     write_points(tmp_path / "scan.ply", cloud)
     words = ["complete", str(tmp_path / "scan.ply"), "--out", str(tmp_path / "closed.ply"), "--cells", "24"]
     assert main([*words, "--method", "hull", "--viewpoint", "1", "-4", "0.5"]) == 0
@@ -132,4 +132,4 @@ def test_a_scan_turned_inside_out_is_refused():
     cloud = front()
     inwards = PointCloud(positions=cloud.positions, colours=cloud.colours, normals=-cloud.normals)
     with pytest.raises(CompleteError, match="its normals look inwards. Turn them round, or pass --viewpoint"):
-        complete_scan(inwards, ScanConfig(cells=32))
+        complete_scan(inwards, ScanConfig(method="smooth", cells=32))

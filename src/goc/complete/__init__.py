@@ -22,13 +22,14 @@ from goc.complete.partial import (
     evidence_channels,
     partial_object,
 )
-from goc.complete.scan import complete_scan
+from goc.complete.scan import ClosedScan, complete_scan
 from goc.complete.stage import check_completion, close_objects, complete_objects, model_fill
 from goc.complete.weights import SHIPPED, Network, begin_from, build, load_network, save_network
 
 __all__ = [
     "CHANNELS",
     "HINTS",
+    "ClosedScan",
     "SHIPPED",
     "SIDE",
     "SIZES",

@@ -8,7 +8,9 @@ from goc.errors import ConfigError
 from goc.settings import Finite, OpenShare, Range, Settings
 
 Method = Literal["best", "none", "hull", "lite", "osc"]
-ScanMethod = Literal["smooth", "hull", "lite", "osc"]
+ScanMethod = Literal["auto", "smooth", "convex", "hull", "lite", "osc"]
+Up = Literal["x", "-x", "y", "-y", "z", "-z"]
+Place = tuple[Finite, Finite, Finite]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,11 +45,25 @@ class CompleteConfig(Settings):
 class ScanConfig(Settings):
     """How one partial scan is closed, of which nothing is known but its points, and where they were seen from."""
 
-    method: ScanMethod = "smooth"
-    """smooth: as smoothly as the normals ask (Poisson). hull: all that the viewpoint does not see to be empty.
-    lite, osc: a network says what is solid."""
-    viewpoint: tuple[Finite, Finite, Finite] | None = None
-    """Where the sensor stood, in the scan's frame and unit: what it saw past is empty, and normals look towards it."""
+    method: ScanMethod = "auto"
+    """auto: the one that the scan's kind suits, told in the output. smooth: as smoothly as the normals ask (Poisson).
+    convex: the convex hull of the points. hull: all that no viewpoint sees to be empty. lite, osc: a network."""
+    viewpoint: tuple[Place, ...] = ()
+    """Where the sensor stood, in the scan's frame and unit; again for each further place that it saw the thing from.
+    What it saw past is empty, and normals look towards it. Left out: looked for."""
+    find_viewpoint: bool = True
+    """Without a viewpoint: take the file's, or the origin, or any place from which the points look like one depth
+    image's."""
+    up: Up | None = None
+    """Direction in the scan's frame that points up; left out: across the support plane; y in .glb and .obj; -y in the
+    frame of a camera; else z. Networks know upright things."""
+    support_plane: tuple[Finite, Finite, Finite, Finite] | None = None
+    """a b c d: the thing stands on the plane where a x + b y + c z + d = 0; above it, that is more than 0."""
+    find_support: bool = False
+    """The points hold what the thing stands on: the plane is found, taken out of the scan, and nothing is below it."""
+    copies: bool = True
+    """A scan that ends in an upright plane is half a thing, and gets its other half; one depth image of a thing that
+    mirrors itself gets the mirrored side."""
     weights: Path | None = None
     """The network's weights, as `goc osc train` makes them; left out: those packaged with goc, where there are any."""
     threshold: OpenShare = 0.5
@@ -58,11 +74,15 @@ class ScanConfig(Settings):
     def __post_init__(self) -> None:
         """Refuse a method without what it needs, or with what it does not use."""
         super().__post_init__()
-        if self.method == "hull" and self.viewpoint is None:
+        if self.method == "hull" and not self.viewpoint and not self.find_viewpoint:
             text = "{method} hull needs {viewpoint}: without it nothing is empty, and the hull is a box."
             raise ConfigError(text, type(self))
+        if self.support_plane is not None and not any(self.support_plane[:3]):
+            raise ConfigError("{support_plane} needs a direction: its first three numbers are 0.", type(self))
+        if self.support_plane is not None and self.find_support:
+            raise ConfigError("{support_plane} is given: leave {find_support} out.", type(self))
         if self.method == "osc" and self.weights is None:
             raise ConfigError("{method} osc needs {weights}: goc ships no weights of that size.", type(self))
-        if self.weights is not None and self.method in ("smooth", "hull"):
+        if self.weights is not None and self.method in ("smooth", "convex", "hull"):
             text = f"{{weights}} is given, but {{method}} {self.method} uses none. Pass {{method}} lite."
             raise ConfigError(text, type(self))

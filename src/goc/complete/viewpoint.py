@@ -1,5 +1,6 @@
 """Marks space as seen empty from the position of one sensor: in front of the points it saw, and beside them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -69,6 +70,34 @@ def carve_free_space(
     state = evidence.state.copy()
     state[tuple(unknown[passed].T)] = Evidence.EMPTY
     return replace(evidence, state=state)
+
+
+def facing_all(
+    normals: Float32[np.ndarray, "p 3"],
+    points: Float[np.ndarray, "p 3"],
+    viewpoints: Sequence[Float64[np.ndarray, "3"]],
+    voxel: float,
+) -> Float32[np.ndarray, "p 3"]:
+    """Flip normals that look away from all sensors, or from those that see their point where any does.
+
+    Args:
+        normals: unit.
+        points: of the scan.
+        viewpoints: where sensors stood, none of them among the points.
+        voxel: points this near to each other are neighbours.
+    """
+    votes = np.zeros(len(points))
+    for eye in viewpoints:
+        view = _looking(eye, points, voxel)
+        at, depth = view.seen_at(points)
+        rows = np.floor(at / 2).astype(int)  # pixels of two voxels, so that hidden points have others before them
+        rows -= rows.min(axis=0)
+        nearest = np.full(rows.max(axis=0) + 1, np.inf)
+        np.minimum.at(nearest, tuple(rows.T), depth)
+        seen = depth < nearest[tuple(rows.T)] + 2 * _CLEAR * voxel
+        towards = eye - points
+        votes += seen * (normals * towards).sum(axis=1) / np.linalg.norm(towards, axis=1)
+    return np.where((votes < 0)[:, None], -normals, normals).astype(np.float32)
 
 
 def facing(

@@ -8,6 +8,7 @@ import numpy as np
 from goc.errors import FileError
 from goc.files.any_mesh import MESH_SUFFIXES, read_any_mesh
 from goc.files.meshes import read_mesh, read_points
+from goc.files.pcd import read_pcd
 from goc.files.ply import read_ply
 from goc.files.reading import brief, read_bytes
 from goc.scene import Mesh, PointCloud
@@ -18,7 +19,7 @@ _NO_COLOUR = 128  # mid grey, sRGB
 
 
 def read_scan(path: Path) -> Mesh | PointCloud:
-    """Read a mesh (.ply, .glb, .obj) or points (.ply without faces, .xyz, .txt, .pts); axes and units stay the file's.
+    """Read a mesh (.ply, .glb, .obj) or points (.ply without faces, .pcd, .xyz, .txt, .pts), in the file's axes.
 
     Text holds a point a line: x y z, then nothing, a normal (nx ny nz), or a colour (r g b, 0 to 255), or both: colour
     first. `#` starts a comment.
@@ -29,10 +30,12 @@ def read_scan(path: Path) -> Mesh | PointCloud:
     suffix = path.suffix.lower()
     if suffix in _TEXT:
         return _read_text(path)
+    if suffix == ".pcd":
+        return read_pcd(path)
     if suffix == ".ply":
         return read_mesh(path) if "face" in read_ply(path) else read_points(path)
     if suffix not in MESH_SUFFIXES:
-        known = ", ".join((*MESH_SUFFIXES, *_TEXT))
+        known = ", ".join((*MESH_SUFFIXES, ".pcd", *_TEXT))
         raise FileError(f"{path}: not a scan that goc reads. Convert it to one of {known}.")
     return read_any_mesh(path, weld=True)
 

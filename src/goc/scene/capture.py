@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Float32, Int16, UInt8
+from jaxtyping import Float, Float32, Float64, Int16, UInt8
 from torch import Tensor
 
 from goc.scene.camera import Camera
@@ -69,6 +69,8 @@ class PointCloud:
     positions: Float32[np.ndarray, "p 3"]
     colours: UInt8[np.ndarray, "p 3"]
     normals: Float32[np.ndarray, "p 3"] | None = None
+    seen_from: Float64[np.ndarray, "3"] | None = None
+    """Where the sensor stood, if its file says so."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
