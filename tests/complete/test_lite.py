@@ -99,7 +99,7 @@ def test_the_weights_that_ship_are_in_the_package_and_fit():
     if not weights.SHIPPED.is_file():
         pytest.skip("goc ships no weights yet")
     assert weights.SHIPPED.stat().st_size <= 30e6
-    assert load_network().config == LiteConfig()
+    assert load_network().config == LiteConfig(hints=True)
 
 
 def test_what_is_no_network_is_refused(tmp_path):
