@@ -75,7 +75,7 @@ def test_features_tell_how_far_candidates_are_apart(crate):
 
 def test_a_calibration_beyond_what_was_met_is_not_extrapolated():
     steep = constant(open=0.01, evidence_hull=0.01)
-    line = Line(slopes=[0.0, 5.0] + [0.0] * (len(FEATURES) - 2), spread=0.0)
+    line = Line(slopes=[0.0, -5.0] + [0.0] * (len(FEATURES) - 2), spread=0.0)
     given = Calibration(
         schema=VERSION,
         features=steep.features,
@@ -86,8 +86,10 @@ def test_a_calibration_beyond_what_was_met_is_not_extrapolated():
     )
     row = np.zeros(len(FEATURES))
     row[1] = 40.0
-    assert given.expected(NETWORK, row) == pytest.approx(np.exp(5.0))
+    assert given.expected(NETWORK, row) == pytest.approx(np.exp(-5.0))
     assert given.expected("nobody", row) == np.inf
+    row[1] = -40.0
+    assert given.expected(NETWORK, row) == 1.0  # no error is larger than the object
 
 
 def test_the_calibration_that_goc_ships_knows_all_candidates():
