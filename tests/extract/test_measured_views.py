@@ -11,7 +11,7 @@ from cameras import capture_of, pinhole, placed
 from goc.events import ignore
 from goc.extract import measured_views
 from goc.extract.agreement import depth_gaps, measured_noise, views_noise
-from goc.extract.measured_views import averaged, depth_errors
+from goc.extract.measured_views import averaged, depth_errors, edge_blur
 from goc.fusion import DepthNoise, Detail, FusionConfig, evidence_block_grid
 from goc.scene import StoredFrames
 
@@ -201,3 +201,18 @@ def test_the_noise_of_views_is_measured_where_it_is_not_told():
     assert float(rough.at(torch.tensor(2.0))) == pytest.approx(0.01, rel=0.3)
     assert float(clean.at(torch.tensor(2.0))) < 0.002
     assert views_noise(replace(box_room(BOXES, orbit(2), size=(40, 30)), has_depth=False)) is None
+
+
+def test_blurred_edges_are_the_splats_and_sharp_ones_the_sensors(exact, shown):
+    def blurred(_, depth):
+        filled = depth.nan_to_num(4.0)[None, None]
+        return torch.nn.functional.avg_pool2d(filled, 9, 1, 4, count_include_pad=False)[0, 0]
+
+    assert edge_blur(exact, shown) == 0
+    soft = with_depths(exact, blurred)
+    assert edge_blur(soft, shown) >= 5
+    found = measured_views(soft, shown)
+    beside = (exact[2].depth[:, 1:] - exact[2].depth[:, :-1]).abs() > 0.3
+    assert beside.sum() > 20
+    taken = found.views[2].depth[:, 1:][beside]
+    assert torch.equal(taken, shown[2].depth[:, 1:][beside])

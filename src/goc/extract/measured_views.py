@@ -26,6 +26,14 @@ _DRIFTING, _DRIFT = 4.0, 0.004
 """A view whose depth disagrees by so many times the capture's noise, and by this share of the depth, is not used."""
 _FEWEST = 200
 """Compared pixels that such a judgement takes."""
+_JUMP = 0.1
+"""Neighbouring pixels whose depths differ by this share lie on two surfaces."""
+_KEPT_JUMP = 0.7
+"""Share of such a jump that depth shows within a window as wide as its edges are blurred."""
+_BLURS = (1, 2, 4, 8)
+"""Reaches of that window, pixels; the first is no blur."""
+_EDGE_VIEWS = 12
+"""Views in which edges are looked at."""
 _RADIUS = 2
 """Of the window in which noise is averaged, pixels."""
 _CLEAN = 0.1
@@ -85,6 +93,7 @@ def measured_views(capture: Capture, shown: Capture, notify: Listener = ignore) 
         neighbours=neighbours,
         noise=noise,
         drifting=drifting,
+        blur=edge_blur(capture, shown),
     )
     frames = ChosenFrames(below=shown.frames, chosen=ViewCache(choice, _KEPT_BYTES))
     metrics = {
@@ -92,6 +101,39 @@ def measured_views(capture: Capture, shown: Capture, notify: Listener = ignore) 
         "given_depth_views_left_out": float(len(drifting)),
     }
     return MeasuredViews(views=replace(shown, frames=frames), metrics=metrics, errors=errors)
+
+
+def edge_blur(capture: Capture, shown: Capture) -> int:
+    """How far from an edge given depth mixes two surfaces, pixels; 0 where its edges are sharp.
+
+    A phone's lidar measures few points, and interpolates: views from one side agree in ramps that no surface has. Where
+    the splats' depth jumps, the window is looked for in which the given depth changes as much.
+    """
+    kept: dict[int, list[Tensor]] = {reach: [] for reach in _BLURS}
+    for index in range(0, len(capture), -(-len(capture) // _EDGE_VIEWS)):
+        given, drawn = capture[index].depth, shown[index].depth
+        if given is None or drawn is None:
+            continue
+        step = (drawn[:, 1:] - drawn[:, :-1]).abs()
+        at = step > _JUMP * drawn[:, 1:]
+        for reach in _BLURS:
+            low, high = _range_near(torch.where(given > 0, given, torch.nan), reach)
+            kept[reach].append(((high - low)[:, 1:] / step)[at])
+    shares = {reach: torch.cat(parts) for reach, parts in kept.items() if parts}
+    shares = {reach: share[share.isfinite()] for reach, share in shares.items()}
+    sharp = [reach for reach, share in shares.items() if len(share) and share.median() >= _KEPT_JUMP]
+    if len(shares) == 0 or all(len(share) < _FEWEST for share in shares.values()) or sharp[:1] == [_BLURS[0]]:
+        return 0
+    return 2 * (sharp[0] if sharp else _BLURS[-1]) + 1
+
+
+def _range_near(depth: Float[Tensor, "h w"], reach: int) -> tuple[Float[Tensor, "h w"], Float[Tensor, "h w"]]:
+    """Least and greatest depth within `reach` pixels; NaN does not count."""
+    least = torch.where(depth.isnan(), torch.inf, depth)[None, None]
+    most = torch.where(depth.isnan(), -torch.inf, depth)[None, None]
+    window = {"kernel_size": 2 * reach + 1, "stride": 1, "padding": reach}
+    pool = torch.nn.functional.max_pool2d
+    return -pool(-least, **window)[0, 0], pool(most, **window)[0, 0]
 
 
 def depth_errors(capture: Capture, shown: Capture) -> dict[int, DepthError]:
@@ -136,6 +178,8 @@ class DepthChoice:
     noise: DepthNoise
     drifting: frozenset[int]
     """Views whose depth does not fit to the others': the splats speak there."""
+    blur: int
+    """How far from the splats' edges given depth is not used, pixels."""
 
     def __call__(self, index: int) -> ChosenDepth:
         """One view's."""
@@ -146,6 +190,9 @@ class DepthChoice:
             return ChosenDepth(depth=shown)
         sigma = self.noise.at(given)
         trusted = given.isfinite() & self._unopposed(index, given, sigma)
+        if self.blur:
+            low, high = _range_near(shown.nan_to_num(0.0), self.blur)
+            trusted &= high - low < _JUMP * high
         if _share_of_pixel(sigma, given, self.cameras[index]) >= _CLEAN:
             given = averaged(given, shown, trusted, _SURE * sigma)
         return ChosenDepth(depth=torch.where(trusted, given, shown))
