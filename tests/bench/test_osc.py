@@ -3,6 +3,7 @@
 import pytest
 
 from goc.bench import BenchConfig, bench, osc
+from goc.bench.config import OscBenchConfig
 from goc.bench.osc import OscCell, cells_of, osc_document, osc_results
 from goc.errors import BenchError, ConfigError
 from goc.events import Warned, ignore
@@ -39,14 +40,14 @@ def told(monkeypatch):
 
 
 def test_each_network_is_trained_once_for_all_tables():
-    config = BenchConfig(suites=SUITES, osc_steps=5, osc_sizes=("S", "M"))
+    config = BenchConfig(suites=SUITES, osc=OscBenchConfig(steps=5, sizes=("S", "M")))
     names = [cell.name for cell in cells_of(config)]
     assert names == ["osc-S-visible-5", "osc-M-visible-5", "osc-S-none-5", "osc-S-random-5", "osc-lite-visible-0"]
     assert cells_of(BenchConfig(suites=("rooms",))) == []
 
 
 def test_a_network_is_trained_scored_and_kept(told, tmp_path):
-    config = BenchConfig(suites=("osc-sizes",), osc_data=tmp_path, osc_steps=5, osc_sizes=("S",), osc_shapes=2)
+    config = BenchConfig(suites=("osc-sizes",), osc=OscBenchConfig(data=tmp_path, steps=5, sizes=("S",), shapes=2))
     found = osc_results(config, tmp_path / "osc", ignore)
     train, score = told
     assert train[:1] + train[2:] == ["train", "--size", "S", "--steps", "5", "--data", str(tmp_path)] + [
@@ -59,7 +60,7 @@ def test_a_network_is_trained_scored_and_kept(told, tmp_path):
 
 def test_the_document_has_the_paper_s_rows_and_says_what_was_not_run(told, tmp_path):
     heard = []
-    config = BenchConfig(suites=SUITES, osc_data=tmp_path, osc_steps=5, osc_sizes=("S",))
+    config = BenchConfig(suites=SUITES, osc=OscBenchConfig(data=tmp_path, steps=5, sizes=("S",)))
     results = osc_results(config, tmp_path / "osc", heard.append)
     assert [event.message for event in heard if isinstance(event, Warned)] == ["it failed"]
     text = "\n".join(osc_document(config, results))
@@ -77,5 +78,5 @@ def test_without_shapes_nothing_runs_and_no_room_is_made(told, tmp_path):
     text = (tmp_path / "tables.md").read_text()
     assert "## Table 6: strategies of masking" in text and "| OSC-lite, as shipped | not run |" in text
     assert not (tmp_path / "out" / "rooms").exists()
-    with pytest.raises(ConfigError, match=r"osc_sizes names none\. There are: S, M, L"):
-        BenchConfig(osc_sizes=())
+    with pytest.raises(ConfigError, match=r"sizes names none\. There are: S, M, L"):
+        OscBenchConfig(sizes=())

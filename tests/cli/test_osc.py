@@ -28,7 +28,7 @@ def test_every_command_explains_itself(capsys, command):
 
 def test_an_unknown_command_is_refused(capsys):
     assert main(["osc", "fry"]) == 2
-    assert "prepare, train or eval" in capsys.readouterr().err
+    assert "prepare, train, eval or calibrate" in capsys.readouterr().err
 
 
 def test_prepare_says_what_it_kept(tmp_path, capsys):

@@ -19,8 +19,7 @@ from goc.training.train import STATE, recipe, step
 SMALL = LiteConfig(cells=16, fine=16, middle=16, width=32, blocks=1, heads=2, hidden=32)
 CONFIG = TrainConfig(
     steps=1,
-    workers=0,
-    loader=LoaderConfig(batch=1, masks=1, reuse=1, queries=128, resolution=32),
+    loader=LoaderConfig(batch=1, masks=1, reuse=1, queries=128, resolution=32, workers=0),
     masking=MaskConfig(size_px=32),
     optimiser=OptimiserConfig(bf16=False),
 )

@@ -31,9 +31,8 @@ STOOL = shape_from_parts(
 SMALL = LiteConfig(cells=16, fine=16, middle=16, width=32, blocks=1, heads=2, hidden=32)
 TINY = TrainConfig(
     steps=4,
-    workers=0,
     validate_every=3,
-    loader=LoaderConfig(batch=1, masks=1, queries=128, resolution=32),
+    loader=LoaderConfig(batch=1, masks=1, queries=128, resolution=32, workers=0),
     masking=MaskConfig(size_px=32),
     optimiser=OptimiserConfig(bf16=False),
 )

@@ -69,23 +69,23 @@ def cells_of(config: BenchConfig) -> list[OscCell]:
     """The networks that the chosen suites need, each once."""
     cells: list[OscCell] = []
     if "osc-sizes" in config.suites:
-        cells += [OscCell(size=size, steps=config.osc_steps) for size in config.osc_sizes]
+        cells += [OscCell(size=size, steps=config.osc.steps) for size in config.osc.sizes]
     if "masks" in config.suites:
         cells += [_masked(config, strategy) for strategy in _STRATEGIES]
     if "shapes" in config.suites:
-        cells += [OscCell(size="lite"), OscCell(size=config.osc_sizes[-1], steps=config.osc_steps)]
+        cells += [OscCell(size="lite"), OscCell(size=config.osc.sizes[-1], steps=config.osc.steps)]
     return list(dict.fromkeys(cells))
 
 
 def _masked(config: BenchConfig, strategy: Strategy) -> OscCell:
-    return OscCell(size=config.osc_sizes[0], strategy=strategy, steps=config.osc_steps)
+    return OscCell(size=config.osc.sizes[0], strategy=strategy, steps=config.osc.steps)
 
 
 def osc_results(config: BenchConfig, folder: Path, notify: Listener) -> dict[OscCell, OscResult]:
     """Train and score every network that has a budget and no result yet.
 
     Args:
-        config: without `osc_data` nothing is scored, with `osc_steps` 0 nothing is trained.
+        config: without `osc.data` nothing is scored, with `osc.steps` 0 nothing is trained.
         folder: of all networks; a stopped training in it goes on.
         notify: hears progress, and a warning for each that failed.
 
@@ -99,9 +99,9 @@ def osc_results(config: BenchConfig, folder: Path, notify: Listener) -> dict[Osc
         kept = folder / cell.name / _RESULT
         if is_file(kept) and not config.fresh:
             found[cell] = read_json(kept, OscResult)
-        elif config.osc_data is not None and (cell.steps or cell.size == "lite"):
+        elif config.osc.data is not None and (cell.steps or cell.size == "lite"):
             try:
-                found[cell] = _measured(cell, config, config.osc_data, folder / cell.name)
+                found[cell] = _measured(cell, config, config.osc.data, folder / cell.name)
             except BenchError as error:
                 notify(Warned(stage="bench", message=str(error)))
     return found
@@ -115,7 +115,7 @@ def _measured(cell: OscCell, config: BenchConfig, data: Path, own: Path) -> OscR
         _goc([*words, "--masking.strategy", cell.strategy, "--optimiser.rate", _RATE], own)
         weights = own / "training" / "weights.safetensors"
     words = ["eval", str(data), "--weights", str(weights), "--json", str(own / _SCORES)]
-    _goc([*words, *(() if config.osc_shapes is None else ("--shapes", str(config.osc_shapes)))], own)
+    _goc([*words, *(() if config.osc.shapes is None else ("--shapes", str(config.osc.shapes)))], own)
     report = msgspec.json.decode((own / _SCORES).read_bytes())
     result = OscResult(
         cell=cell.name,
@@ -141,7 +141,7 @@ def osc_document(config: BenchConfig, results: dict[OscCell, OscResult]) -> list
     """Tables 5, 6 and 7 as lines of Markdown; what was not run says so."""
     shapes = max((result.shapes for result in results.values()), default=0)
     note = (
-        f"{shapes or 'No'} shapes of split val ({config.osc_data or 'no --osc-data'}), {config.osc_steps} steps each. "
+        f"{shapes or 'No'} shapes of split val ({config.osc.data or 'no --osc.data'}), {config.osc.steps} steps each. "
         "CD: Acc + Comp of shapes that fill [-1, 1], F at 0.02 of them, as in 3DShape2VecSet. The paper's are ShapeNet "
         "(Tables 5 and 7) and its own rooms (Table 6, metres): compare the shape, not the level.\n"
     )
@@ -161,7 +161,7 @@ def _sizes(config: BenchConfig, results: dict[OscCell, OscResult]) -> list[str]:
         sizes = SIZES[size]
         params = sum(value.numel() for value in build(sizes).parameters()) / 1e6
         head = f"OSC-{size} | {sizes.encoder} | {sizes.decoder}"
-        cell = OscCell(size=size, steps=config.osc_steps)  # type: ignore[arg-type]
+        cell = OscCell(size=size, steps=config.osc.steps)  # type: ignore[arg-type]
         few = _solid(results.get(cell), _FEW)
         lines.append(f"| {head} | {params:.0f} M | {_solid(results.get(cell), _COMPLETE)} | {few} |")
         lines.append(f"| *paper:* {head} |  | {paper} |  |  |  |")
@@ -173,16 +173,16 @@ def _masks(config: BenchConfig, results: dict[OscCell, OscResult]) -> list[str]:
     for strategy, label in _STRATEGIES.items():
         keys = (("accuracy", 4), ("completion", 4), ("chamfer_mean", 4), ("f_2", 4))
         result = results.get(_masked(config, strategy))
-        lines.append(f"| OSC-{config.osc_sizes[0]}, {label} | {_figures(result, _PARTIAL, keys)} |")
+        lines.append(f"| OSC-{config.osc.sizes[0]}, {label} | {_figures(result, _PARTIAL, keys)} |")
         lines.append(f"| *paper:* {label} | {_PAPER_MASKS[strategy]} |")
     return lines
 
 
 def _shapes(config: BenchConfig, results: dict[OscCell, OscResult]) -> list[str]:
-    last = config.osc_sizes[-1]
+    last = config.osc.sizes[-1]
     lines = ["| model | IoU | CD | F |", "|" + "---|" * 4]
     lines.append(f"| OSC-lite, as shipped | {_solid(results.get(OscCell(size='lite')), _COMPLETE)} |")
-    trained = results.get(OscCell(size=last, steps=config.osc_steps))
+    trained = results.get(OscCell(size=last, steps=config.osc.steps))
     lines.append(f"| OSC-{last} | {_solid(trained, _COMPLETE)} |")
     return [*lines, *(f"| *paper:* {label} | {figures} |" for label, figures in _PAPER_SHAPES.items())]
 

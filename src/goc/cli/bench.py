@@ -24,7 +24,7 @@ examples:
   goc bench --data captures --synth-rooms 0                all suites; hours on two cores
   goc bench --data captures --suites rooms ablations --iterations 500 --max-side-px 256
                                                            a quick look
-  goc bench --suites osc-sizes masks shapes --osc-data prepared --osc-steps 20000 --docs tables.md
+  goc bench --suites osc-sizes masks shapes --osc.data prepared --osc.steps 20000 --docs tables.md
                                                            the paper's networks, trained and scored"""
 
 

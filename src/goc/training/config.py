@@ -46,8 +46,6 @@ class TrainConfig(Settings):
     """Budget of training time, earlier runs of the same training counted in."""
     steps: Count | None = None
     """Budget in steps instead."""
-    workers: Annotated[int, Range(least=0, most=1024)] = 1
-    """Processes that make batches; 0 makes them between steps."""
     save_every: Amount = 60.0
     """Seconds between checkpoints."""
     validate_every: Count = 500

@@ -43,6 +43,8 @@ class LoaderConfig(Settings):
     """Share of prepared meshes, where there are any; the others are procedural."""
     resolution: Annotated[int, Range(least=8, most=1024)] = 96
     """Voxels along the longest side of a procedural shape."""
+    workers: Annotated[int, Range(least=0, most=1024)] = 1
+    """Processes that make batches; 0 makes them between steps."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

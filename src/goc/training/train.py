@@ -77,7 +77,7 @@ def _train(out: Path, config: TrainConfig, notify: Listener, group: ProcessGroup
         state = load_state(out / STATE, state, fingerprint(config))
     tracker = Tracker(out, notify) if group.rank == 0 else None
     validation = _validation_cases(config) if tracker else []
-    stream = batches(recipe(config), state.step, config.workers, group.rank, group.world)
+    stream = batches(recipe(config), state.step, config.loader.workers, group.rank, group.world)
     started, saved, before = time.monotonic(), time.monotonic(), state.seconds
     try:
         with stop_signals() as stopped:
@@ -131,8 +131,8 @@ def fingerprint(config: TrainConfig) -> str:
     Budget, learning rate, data folder, first weights, workers and reporting are left out: they may change between runs.
     """
     slower = replace(config.optimiser, rate=1.0)
-    same = replace(config, minutes=1.0, steps=None, workers=0, save_every=60.0, validate_every=1, optimiser=slower)
-    same = replace(same, data=None, init=None)
+    same = replace(config, minutes=1.0, steps=None, save_every=60.0, validate_every=1, optimiser=slower)
+    same = replace(same, data=None, init=None, loader=replace(config.loader, workers=0))
     return hashlib.sha256(msgspec.json.encode(asdict(same), order="sorted")).hexdigest()
 
 
