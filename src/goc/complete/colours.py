@@ -3,10 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float32, Float64, Int32
-from scipy.sparse import coo_array, csr_array
+from jaxtyping import Float32, Float64
 from scipy.spatial import cKDTree
 
+from goc.complete.stains import stain_weights
+from goc.geometry.relax import vertex_links
 from goc.scene import FlaggedMesh, Mesh
 
 _ROUNDS = 40
@@ -38,16 +39,24 @@ def inpainted(surface: FlaggedMesh) -> FlaggedMesh:
 
     The others start with a mean over some of the observed ones, the near before the far (Shepard 1968), and are evened
     out over the surface with the observed ones held, so that colours run on smoothly and no single spot spreads far.
+    Round the places where things stood the measured colours give way to what surrounds them: see `stain_weights`.
     """
-    mesh, held = surface.mesh, surface.observed
-    if mesh.colours is None or held.all() or not held.any():
+    mesh = surface.mesh
+    if mesh.colours is None or surface.observed.all() or not surface.observed.any():
         return surface
+    stained = stain_weights(surface)[:, None]
+    held = surface.observed & (stained[:, 0] == 0)
+    if not held.any():
+        held, stained = surface.observed, np.zeros_like(stained)
     colours = mesh.colours.astype(np.float64)
     chosen = np.random.default_rng(0).permutation(np.flatnonzero(held))[:_ANCHORS]
     colours[~held] = _weighed(mesh.vertices[~held], mesh.vertices[chosen], colours[chosen])
-    around, count = _neighbours(mesh.faces, len(mesh.vertices))
+    around = vertex_links(mesh.faces, len(mesh.vertices))
+    count = np.maximum(around.sum(axis=1).reshape(-1, 1), 1.0)
     for _ in range(_ROUNDS):
         colours = np.where(held[:, None], colours, around @ colours / count)
+    told = surface.observed[:, None]
+    colours = np.where(told, (1 - stained) * mesh.colours + stained * colours, colours)
     return replace(surface, mesh=replace(mesh, colours=np.clip(np.rint(colours), 0, 255).astype(np.uint8)))
 
 
@@ -65,11 +74,3 @@ def _weighed(
         weights = 1.0 / np.maximum(squares, least) ** 2
         means[start : start + _AT_ONCE] = weights @ colours / weights.sum(axis=1, keepdims=True)
     return means
-
-
-def _neighbours(faces: Int32[np.ndarray, "t 3"], vertices: int) -> tuple[csr_array, np.ndarray]:
-    """Adjacency matrix of the vertices, and the number of neighbours of each."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
-    links = coo_array((np.ones(ends.shape[1]), (ends[0], ends[1])), shape=(vertices, vertices)).tocsr()
-    links = links + links.T
-    return links, np.maximum(np.asarray(links.sum(axis=1)).reshape(-1, 1), 1.0)
