@@ -15,7 +15,7 @@ def test_a_run_is_judged_and_the_table_says_what_came_out(capsys, truth, tmp_pat
     run = write_run(tmp_path / "run", {1: CRATE})
     assert main(["eval", str(run), "--truth", str(truth), "--worst", "0"]) == 0
     shown = capsys.readouterr()
-    assert "1 of 2 objects found; missing: 2; 1 watertight." in shown.out
+    assert "1 of 2 objects found; missing: 2; 1 watertight;" in " ".join(shown.out.split())
     assert "F 5 cm" in shown.out and "2 cupboard" in shown.out and str(run / "eval.json") in shown.out
     assert json.loads((run / "eval.json").read_text())["mean"]["f_score_0.05"] == pytest.approx(0.5, abs=1e-3)
     assert (run / "eval.html").exists()

@@ -5,8 +5,7 @@ import pytest
 
 from goc.errors import ConfigError
 from goc.scene import Evidence, EvidenceGrid
-from goc.training.cuts import cut_in_half, with_contact_planes, without_empty
-from goc.training.evaluate import _AS_SEEN
+from goc.training.cuts import AS_SEEN, cut_in_half, with_contact_planes, without_empty
 from goc.training.furniture import cupboard
 from goc.training.masking import MaskConfig, mask
 from goc.training.placement import PlacedShape
@@ -15,6 +14,7 @@ from goc.training.surroundings import random_surroundings
 from goc.training.viewpoints import random_viewpoints
 from goc.training.watertight_shape import CsgPart, shape_from_parts
 
+PLAIN = MaskConfig(arc=1.0, room=0.0, front=0.0, noise=0.0, jitter=0.0, size_px=48, cuts=AS_SEEN)
 CHEST = shape_from_parts([CsgPart(body=Box((1, 0.5, 0.8)), at=(0, 0, 0))], 32)
 
 
@@ -66,11 +66,11 @@ def test_from_the_front_a_chest_is_seen_before_a_wall_close_behind_it() -> None:
 
 
 def test_the_back_of_a_chest_before_a_wall_is_unknown_until_the_wall_is_told() -> None:
-    told = {**_AS_SEEN, "front": 1.0, "wide": 1.0}
+    front = replace(PLAIN, arc=0.0, front=1.0)
     seen, known = (
         mask(
             CHEST,
-            MaskConfig(arc=0.0, room=0.0, noise=0.0, size_px=48, **{**told, "contacts": share}),
+            replace(front, cuts=replace(AS_SEEN, wide=1.0, contacts=share)),
             np.random.default_rng(4),
         )
         for share in (0.0, 1.0)
@@ -81,8 +81,9 @@ def test_the_back_of_a_chest_before_a_wall_is_unknown_until_the_wall_is_told() -
 
 
 def test_a_wide_cube_has_evidence_beyond_what_rays_passed() -> None:
-    plain = MaskConfig(arc=1.0, room=0.0, noise=0.0, size_px=48, **_AS_SEEN)
-    near, far = (mask(CHEST, replace(plain, wide=wide), np.random.default_rng(5)) for wide in (0.0, 1.0))
+    near, far = (
+        mask(CHEST, replace(PLAIN, cuts=replace(AS_SEEN, wide=wide)), np.random.default_rng(5)) for wide in (0.0, 1.0)
+    )
     assert near is not None and far is not None
     assert far.cube.side > near.cube.side
 
@@ -93,8 +94,9 @@ def test_a_wide_cube_has_evidence_beyond_what_rays_passed() -> None:
 
 
 def test_a_bare_scan_knows_no_space_beside_the_object() -> None:
-    plain = MaskConfig(arc=1.0, room=0.0, noise=0.0, size_px=48, **_AS_SEEN)
-    told, bare = (mask(CHEST, replace(plain, bare=share), np.random.default_rng(6)) for share in (0.0, 1.0))
+    told, bare = (
+        mask(CHEST, replace(PLAIN, cuts=replace(AS_SEEN, bare=share)), np.random.default_rng(6)) for share in (0.0, 1.0)
+    )
     assert told is not None and bare is not None
     less, more = ((one.partial.evidence.state == Evidence.EMPTY).mean() for one in (bare, told))
     assert 0 < less < 0.8 * more
@@ -114,11 +116,10 @@ def test_shares_of_views_are_at_most_the_whole() -> None:
 
 
 def test_points_of_a_half_are_on_its_side_of_the_cut() -> None:
-    plain = {**_AS_SEEN, "halves": 1.0}
     whole, half = (
         mask(
             CHEST,
-            MaskConfig(arc=0.0, room=0.0, noise=0.0, points=400, size_px=48, **{**plain, "halves": share}),
+            replace(PLAIN, arc=0.0, points=400, cuts=replace(AS_SEEN, halves=share)),
             np.random.default_rng(7),
         )
         for share in (0.0, 1.0)

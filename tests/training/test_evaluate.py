@@ -15,6 +15,7 @@ from goc.geometry.topology import signed_volume, watertight_flaw
 from goc.scene import EvidenceGrid
 from goc.training import evaluate as evaluating
 from goc.training.baselines import completions, measured_object
+from goc.training.cuts import AS_SEEN
 from goc.training.evaluate import GROUPS, EvalConfig, evaluate, means, score, table
 from goc.training.library import STEPS, Manifest, PreparedShape
 from goc.training.masking import MaskConfig, mask
@@ -49,12 +50,8 @@ def half():
         arc=1.0,
         room=0.0,
         front=0.0,
-        bare=0.0,
-        contacts=0.0,
-        halves=0.0,
-        wide=0.0,
+        cuts=AS_SEEN,
         noise=0.0,
-        forget_empty=0.0,
         jitter=0.0,
         size_px=48,
     )

@@ -7,6 +7,7 @@ import torch
 from goc.complete import evidence_channels
 from goc.geometry.raycast import TriangleScene
 from goc.scene import Camera, Evidence
+from goc.training.cuts import AS_SEEN, CutConfig
 from goc.training.masking import MaskConfig, _evidence, add_depth_noise, mask, render_view, visible
 from goc.training.placement import PlacedShape
 from goc.training.primitives import Box, Ellipsoid, Lathe, Shrunk
@@ -17,7 +18,7 @@ from goc.training.viewpoints import random_viewpoints
 from goc.training.watertight_shape import CsgPart, shape_from_parts
 
 BALL = shape_from_parts([CsgPart(body=Ellipsoid((1, 1, 1)), at=(0, 0, 0))], 48)
-ALL_TOLD = {"front": 0.0, "forget_empty": 0.0, "bare": 0.0, "contacts": 0.0, "halves": 0.0, "wide": 0.0}
+ALL_TOLD = {"front": 0.0, "cuts": AS_SEEN}
 EXACT = MaskConfig(noise=0.0, size_px=64, **ALL_TOLD)
 
 
@@ -109,7 +110,7 @@ def test_a_wall_before_an_object_hides_it():
 
 
 def test_forgotten_space_leaves_no_empty_voxel():
-    look = masked(BALL, MaskConfig(forget_empty=1.0), 2)
+    look = masked(BALL, MaskConfig(cuts=CutConfig(forget_empty=1.0)), 2)
     assert (look.partial.evidence.state != Evidence.EMPTY).all()
 
 

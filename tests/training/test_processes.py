@@ -29,6 +29,7 @@ from pathlib import Path
 from goc.complete import LiteConfig
 from goc.training import train as training
 from goc.training.config import OptimiserConfig, TrainConfig
+from goc.training.cuts import CutConfig
 from goc.training.masking import MaskConfig
 from goc.training.samples import LoaderConfig
 from goc.training.losses import LossConfig

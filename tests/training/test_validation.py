@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from goc.complete import LiteConfig, build
+from goc.training.cuts import AS_SEEN
 from goc.training.masking import MaskConfig, mask
 from goc.training.primitives import Ellipsoid
 from goc.training.validation import case_of, guess_network, guess_nothing, preview, score
@@ -15,9 +16,7 @@ NETWORK = build(LiteConfig(cells=16, fine=8, middle=16, width=24, blocks=1, head
 def case():
     looked = mask(
         BALL,
-        MaskConfig(
-            arc=1.0, room=0.0, front=0.0, bare=0.0, contacts=0.0, halves=0.0, wide=0.0, noise=0.0, forget_empty=0.0
-        ),
+        MaskConfig(arc=1.0, room=0.0, front=0.0, cuts=AS_SEEN, noise=0.0),
         np.random.default_rng(0),
     )
     return case_of(looked, 32)

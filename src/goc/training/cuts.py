@@ -1,13 +1,34 @@
 """What scans lack or tell beyond depth: halves, planes behind which nothing is, rays that met nothing."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from goc.scene import Evidence, EvidenceGrid
+from goc.settings import Settings, Share
 
 Random = np.random.Generator
+
+
+@dataclass(frozen=True, kw_only=True)
+class CutConfig(Settings):
+    """Shares of the objects of which less is told than their cameras saw, or more."""
+
+    forget_empty: Share = 0.12
+    """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
+    bare: Share = 0.08
+    """Share whose cameras tell of the object alone, as a scan cut out of its surroundings does."""
+    contacts: Share = 0.5
+    """Share of objects with a support or walls whose space behind those is known to be empty."""
+    halves: Share = 0.08
+    """Share of which all beyond a plane is forgotten."""
+    wide: Share = 0.2
+    """Share in a wider cube than the rule gives, with evidence to the end of a wider box."""
+
+
+AS_SEEN = CutConfig(forget_empty=0.0, bare=0.0, contacts=0.0, halves=0.0, wide=0.0)
+"""All that the cameras saw, and nothing else."""
 
 
 def with_contact_planes(

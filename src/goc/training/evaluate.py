@@ -16,6 +16,7 @@ from goc.scene import Evidence, EvidenceGrid
 from goc.settings import Amount, Count, OpenShare, Range, Seed, Settings
 from goc.training.baselines import Completion, completions, measured_object
 from goc.training.contact_sheet import ContactSheet
+from goc.training.cuts import AS_SEEN
 from goc.training.library import open_library
 from goc.training.masking import MaskConfig, MaskedObject, mask
 from goc.training.samples import true_distance
@@ -29,7 +30,7 @@ _NEAR, _WIDE = 0.01, 0.02
 """Thresholds of F, in longest sides of the true box."""
 _PICTURED = 4
 _TRIES = 8
-_AS_SEEN = {"front": 0.0, "forget_empty": 0.0, "bare": 0.0, "contacts": 0.0, "halves": 0.0, "wide": 0.0, "jitter": 0.0}
+_AS_SEEN = {"front": 0.0, "cuts": AS_SEEN, "jitter": 0.0}
 """What training varies and scoring does not."""
 _SHARP_PX = 144
 """Side of the depth images that see all of a shape, twice those of training: thin walls need more than 72 pixels."""

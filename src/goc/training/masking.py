@@ -3,7 +3,7 @@
 Depth is ray-cast, degraded as splats and sensors degrade it, and fused by the code that fuses real captures.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Literal
 
 import numpy as np
@@ -20,7 +20,7 @@ from goc.geometry.rays import world_rays
 from goc.scene import Camera, EvidenceGrid
 from goc.settings import Amount, CountOrNone, Range, Settings, Share
 from goc.synth.noise import fractal_noise
-from goc.training.cuts import cut_in_half, with_contact_planes, without_empty
+from goc.training.cuts import CutConfig, cut_in_half, with_contact_planes, without_empty
 from goc.training.placement import PlacedShape, random_placement
 from goc.training.surroundings import Surroundings, no_surroundings, random_surroundings
 from goc.training.viewpoints import Regime, random_viewpoints
@@ -57,16 +57,8 @@ class MaskConfig(Settings):
     is seen from all round, alone."""
     noise: Amount = 1.0
     """Strength of depth noise, bias, flying pixels and wrong ids; 0: exact depth."""
-    forget_empty: Share = 0.12
-    """Share of objects whose seen-empty space is forgotten, as a bare point cloud has none."""
-    bare: Share = 0.08
-    """Share whose cameras tell of the object alone, as a scan cut out of its surroundings does."""
-    contacts: Share = 0.5
-    """Share of objects with a support or walls whose space behind those is known to be empty."""
-    halves: Share = 0.08
-    """Share of which all beyond a plane is forgotten."""
-    wide: Share = 0.2
-    """Share in a wider cube than the rule gives, with evidence to the end of a wider box."""
+    cuts: CutConfig = field(default_factory=CutConfig)
+    """What is left out of that, or told beyond it."""
     points: CountOrNone = 0
     """Points of the seen surface to keep; 0 where the network takes evidence alone."""
     jitter: Annotated[float, Range(least=0, below=1)] = 0.04
@@ -127,19 +119,19 @@ def mask(solid: WatertightShape, config: MaskConfig, random: Random) -> MaskedOb
     if len(seen) < 60:
         return None
     noisy = add_depth_noise(taken, placed, config.noise, random)
-    if random.random() < config.bare:
+    if random.random() < config.cuts.bare:
         noisy = [_of_object_alone(view) for view in noisy]
-    wide = random.random() < config.wide
+    wide = random.random() < config.cuts.wide
     pad = float(random.uniform(0.1, 0.5) if wide else random.uniform(0.02, 0.2))
     evidence = _evidence(noisy, seen, pad, int(random.integers(86, 104)), wide)
-    if random.random() < config.contacts:
+    if random.random() < config.cuts.contacts:
         reach = float(np.ptp(seen, axis=0).max())
         slack = random.normal(0, 0.004 * reach, len(around.contacts))
         evidence = with_contact_planes(evidence, around.contacts, slack)
-    if random.random() < config.forget_empty:
+    if random.random() < config.cuts.forget_empty:
         evidence = without_empty(evidence)
     cut = _UNCUT
-    if random.random() < config.halves:
+    if random.random() < config.cuts.halves:
         evidence, cut = cut_in_half(evidence, seen, random)
         seen, wide = seen[seen @ cut[:3] <= cut[3]], True
     cube = _jittered(bounding_cube(seen, float(random.uniform(SIDE, 1.8)) if wide else SIDE), config, random)
