@@ -1,7 +1,9 @@
 // Python sees goc._native.simplify; src/goc/geometry/simplify.py is what the rest of goc uses.
 #include "simplify.hpp"
 
-#include <cstring>
+#include <nanobind/stl/tuple.h>
+
+#include <tuple>
 #include <utility>
 
 #include "arrays.hpp"
@@ -12,17 +14,32 @@ namespace {
 template <class T, class Shape>
 using Rows = nb::ndarray<const T, Shape, nb::c_contig, nb::device::cpu>;
 
+template <class T, class Shape>
+using Made = nb::ndarray<nb::numpy, T, Shape>;
+using Triples = nb::shape<-1, 3>;
+using Simplified = std::tuple<Made<float, Triples>, Made<std::int32_t, Triples>, Made<float, Triples>,
+                              Made<std::uint8_t, nb::shape<-1>>>;
+
 template <class T>
-nb::ndarray<nb::numpy, T> moved(std::vector<T>&& values, std::size_t columns) {
-  auto* kept = new std::vector<T>(std::move(values));
-  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
-  if (columns == 1) return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size()}, owner);
-  return nb::ndarray<nb::numpy, T>(kept->data(), {kept->size() / columns, columns}, owner);
+nb::capsule owner_of(std::vector<T>* kept) {
+  return nb::capsule(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
 }
 
-nb::tuple simplified(Rows<float, nb::shape<-1, 3>> vertices, Rows<std::int32_t, nb::shape<-1, 3>> faces,
-                     Rows<float, nb::shape<-1, 3>> values, Rows<std::uint8_t, nb::shape<-1>> groups, double tolerance,
-                     std::size_t wanted, double quality, double value) {
+template <class T>
+Made<T, Triples> triples(std::vector<T>&& values) {
+  auto* kept = new std::vector<T>(std::move(values));
+  return Made<T, Triples>(kept->data(), {kept->size() / 3, 3}, owner_of(kept));
+}
+
+template <class T>
+Made<T, nb::shape<-1>> line(std::vector<T>&& values) {
+  auto* kept = new std::vector<T>(std::move(values));
+  return Made<T, nb::shape<-1>>(kept->data(), {kept->size()}, owner_of(kept));
+}
+
+Simplified simplified(Rows<float, Triples> vertices, Rows<std::int32_t, Triples> faces, Rows<float, Triples> values,
+                      Rows<std::uint8_t, nb::shape<-1>> groups, double tolerance, std::size_t wanted, double quality,
+                      double value) {
   const std::size_t count = vertices.shape(0);
   check(values.shape(0) == count && groups.shape(0) == count, "simplify: one value and one group a vertex");
   for (std::size_t i = 0; i < faces.size(); ++i) {
@@ -37,8 +54,8 @@ nb::tuple simplified(Rows<float, nb::shape<-1, 3>> vertices, Rows<std::int32_t, 
     nb::gil_scoped_release release;
     mesh = simplify(std::move(mesh), {tolerance, wanted, quality, value});
   }
-  return nb::make_tuple(moved(std::move(mesh.vertices), 3), moved(std::move(mesh.faces), 3),
-                        moved(std::move(mesh.values), 3), moved(std::move(mesh.groups), 1));
+  return {triples(std::move(mesh.vertices)), triples(std::move(mesh.faces)), triples(std::move(mesh.values)),
+          line(std::move(mesh.groups))};
 }
 
 }  // namespace

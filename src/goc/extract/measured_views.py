@@ -131,9 +131,8 @@ def _range_near(depth: Float[Tensor, "h w"], reach: int) -> tuple[Float[Tensor, 
     """Least and greatest depth within `reach` pixels; NaN does not count."""
     least = torch.where(depth.isnan(), torch.inf, depth)[None, None]
     most = torch.where(depth.isnan(), -torch.inf, depth)[None, None]
-    window = {"kernel_size": 2 * reach + 1, "stride": 1, "padding": reach}
-    pool = torch.nn.functional.max_pool2d
-    return -pool(-least, **window)[0, 0], pool(most, **window)[0, 0]
+    pool = torch.nn.MaxPool2d(2 * reach + 1, stride=1, padding=reach)
+    return -pool(-least)[0, 0], pool(most)[0, 0]
 
 
 def depth_errors(capture: Capture, shown: Capture) -> dict[int, DepthError]:

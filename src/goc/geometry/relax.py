@@ -2,7 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float32, Int32, Int64
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from goc.geometry.surfaces import vertex_normals
 from goc.scene import Mesh
@@ -31,6 +31,7 @@ def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Flo
     if len(rows) == 0:
         return places
     links = vertex_links(mesh.faces, len(places))
+    pull = links[rows]
     for turn in range(rounds):
         if turn % _RENEWED == 0:
             normals = _smooth_normals(Mesh(vertices=places, faces=mesh.faces), links)
@@ -41,11 +42,9 @@ def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Flo
 
 def vertex_links(faces: Int32[np.ndarray, "t 3"], count: int) -> csr_array:
     """Matrix of `count` vertices with a 1 for each pair that shares an edge, on either side of the diagonal."""
-    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]).T
-    links = coo_array((np.ones(ends.shape[1], np.float32), (ends[0], ends[1])), shape=(count, count)).tocsr()
-    links = csr_array(links + links.T)
-    links.data[:] = 1.0
-    return links
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    first, second = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0).T
+    return csr_array((np.ones(len(first), np.float32), (first, second)), shape=(count, count))
 
 
 def _smooth_normals(mesh: Mesh, links: csr_array) -> Float32[np.ndarray, "v 3"]:
