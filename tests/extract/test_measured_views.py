@@ -125,6 +125,21 @@ def test_averaging_keeps_what_the_splats_show_and_stays_on_one_surface():
     assert torch.equal(averaged(given, nowhere, trusted, torch.full((12, 12), 0.05)), given)
 
 
+def test_ids_go_with_the_surface_whose_depth_is_taken(exact, shown):
+    """Splats that show the cube 30 cm too near and too large would give its id to the room behind it."""
+    frames = []
+    for frame in shown:
+        spread = frame.ids.clone()
+        spread[:20], nearer = 4, frame.depth.clone()
+        nearer[:20] -= 0.3
+        frames.append(replace(frame, ids=spread, depth=nearer))
+    found = measured_views(exact, replace(shown, frames=StoredFrames(tuple(frames))))
+    for index, frame in enumerate(found.views):
+        taken = (frame.depth - exact[index].depth).abs() < 1e-6
+        assert (frame.ids[:20] == exact[index].ids[:20])[taken[:20]].all()
+        assert (frame.ids[20:] == shown[index].ids[20:]).all()
+
+
 def test_without_metric_depth_all_stays_with_the_splats(exact, shown):
     for capture in (replace(exact, depth_kind="affine"), replace(exact, has_depth=False)):
         found = measured_views(capture, shown, ignore)

@@ -4,7 +4,7 @@ import itertools
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int16
 from torch import Tensor
 
 from goc.events import Listener, Progress, ignore
@@ -22,6 +22,8 @@ _SURE = 3.0
 """Gaps above this many standard deviations are more than noise."""
 _THROUGH = 0.02
 """Least share of the depth by which a view that sees through a surface sees past it: thin things are between pixels."""
+_ONE_SURFACE = 0.03
+"""Depths that differ by a smaller share are of one surface."""
 _DRIFTING, _DRIFT = 4.0, 0.004
 """A view whose depth disagrees by so many times the capture's noise, and by this share of the depth, is not used."""
 _FEWEST = 200
@@ -57,7 +59,7 @@ class MeasuredViews:
     """What extraction looks at."""
 
     views: Capture
-    """Photographs with the chosen depth, and the splats' ids."""
+    """Photographs with the chosen depth; the ids are the splats', or given ones where the splats show another surface."""
     metrics: dict[str, float]
     """What was measured of the given depth, for the report."""
     errors: dict[int, DepthError]
@@ -164,11 +166,12 @@ class ChosenDepth:
 
     depth: Float[Tensor, "h w"]
     """z, scene units; NaN where there is none."""
+    ids: Int16[Tensor, "h w"] | None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthChoice:
-    """Chooses the depth of a view."""
+    """Chooses the depth of a view, and the ids that belong to it."""
 
     given: FrameSource
     shown: FrameSource
@@ -182,11 +185,12 @@ class DepthChoice:
 
     def __call__(self, index: int) -> ChosenDepth:
         """One view's."""
-        shown, given = self.shown(index).depth, self._given(index)
+        drawn, given = self.shown(index), self._given(index)
+        shown = drawn.depth
         if shown is None:
             raise TypeError("the splats' views have depth")
         if given is None:
-            return ChosenDepth(depth=shown)
+            return ChosenDepth(depth=shown, ids=drawn.ids)
         sigma = self.noise.at(given)
         trusted = given.isfinite() & self._unopposed(index, given, sigma)
         if self.blur:
@@ -194,7 +198,11 @@ class DepthChoice:
             trusted &= high - low < _JUMP * high
         if _share_of_pixel(sigma, given, self.cameras[index]) >= _CLEAN:
             given = averaged(given, shown, trusted, _SURE * sigma)
-        return ChosenDepth(depth=torch.where(trusted, given, shown))
+        ids, own = drawn.ids, self.given(index).ids
+        if ids is not None and own is not None:
+            same = (given - shown).abs() < _ONE_SURFACE * given
+            ids = torch.where(trusted & ~same, own, ids)  # the splats' id is that of another surface
+        return ChosenDepth(depth=torch.where(trusted, given, shown), ids=ids)
 
     def _given(self, index: int) -> Float[Tensor, "h w"] | None:
         depth = None if index in self.drifting else self.given(index).depth
@@ -215,14 +223,15 @@ class DepthChoice:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ChosenFrames:
-    """The views of another source, with the chosen depth."""
+    """The views of another source, with the chosen depth and its ids."""
 
     below: FrameSource
     chosen: ViewCache[ChosenDepth]
 
     def __call__(self, index: int) -> Frame:
         """One view."""
-        return replace(self.below(index), depth=self.chosen(index).depth)
+        chosen = self.chosen(index)
+        return replace(self.below(index), depth=chosen.depth, ids=chosen.ids)
 
 
 def averaged(
