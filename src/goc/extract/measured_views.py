@@ -59,7 +59,7 @@ class MeasuredViews:
     """What extraction looks at."""
 
     views: Capture
-    """Photographs with the chosen depth; the ids are the splats', or given ones where the splats show another surface."""
+    """Photographs with the chosen depth. Ids are the splats', or given ones where splats show another surface."""
     metrics: dict[str, float]
     """What was measured of the given depth, for the report."""
     errors: dict[int, DepthError]
