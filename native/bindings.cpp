@@ -7,6 +7,7 @@ namespace nb = nanobind;
 
 namespace goc {
 void bind_camera(nb::module_& module);
+void bind_depth_gaps(nb::module_& module);
 void bind_fuse(nb::module_& module);
 void bind_losses(nb::module_& module);
 void bind_multiview(nb::module_& module);
@@ -23,6 +24,7 @@ NB_MODULE(_native, module) {
   module.def("thread_count", &goc::thread_count, "Threads that the kernels use.");
   module.def("set_thread_count", &goc::set_thread_count, nb::arg("count"), "Use `count` threads from now on.");
   goc::bind_camera(module);
+  goc::bind_depth_gaps(module);
   goc::bind_fuse(module);
   goc::bind_losses(module);
   goc::bind_multiview(module);

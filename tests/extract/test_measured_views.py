@@ -14,6 +14,7 @@ from goc.extract.agreement import depth_gaps, measured_noise, views_noise
 from goc.extract.measured_views import averaged, depth_errors, edge_blur
 from goc.fusion import DepthNoise, Detail, FusionConfig, evidence_block_grid
 from goc.scene import StoredFrames
+from oracles.depth_gaps import depth_gaps as plain_depth_gaps
 
 BOXES = {1: table(0.0, 0.7), 4: cube(0.15, 0.6, 0.72, 0.3)}
 BIAS = 0.01
@@ -51,6 +52,18 @@ def test_a_gap_at_an_edge_is_to_the_nearer_of_two_surfaces():
     between, nearest = depth_gaps(torch.tensor([[0.0, 0.1, 2.1]]), pinhole(), depth)
     assert between.isnan().all()
     assert nearest.item() == pytest.approx(-0.1, abs=1e-5)
+
+
+def test_gaps_are_those_of_plain_arithmetic(exact):
+    depth = exact[3].depth.clone()
+    depth[::7] = torch.nan
+    points = exact.cameras[0].unproject_depth(exact[0].depth)
+    found = depth_gaps(points, exact.cameras[3], depth)
+    expected = plain_depth_gaps(points, exact.cameras[3], depth, 0.03)
+    for gap, plain in zip(found, expected, strict=True):
+        assert 0.1 < plain.isfinite().float().mean() < 1.0
+        assert gap.shape == plain.shape and (gap.isnan() == plain.isnan()).float().mean() > 0.999
+        assert float((gap - plain).nan_to_num().abs().max()) < 1e-4
 
 
 def test_noise_of_either_view_is_found_and_other_surfaces_are_not_noise():

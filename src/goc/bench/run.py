@@ -17,7 +17,7 @@ from goc.complete import CompleteConfig, close_objects, with_contacts
 from goc.errors import BenchError
 from goc.evaluation import Evaluation, evaluate
 from goc.events import ignore
-from goc.extract import ExtractConfig, WorldConfig, extract_objects, find_world, fuse_scene
+from goc.extract import ExtractConfig, WorldConfig, extract_objects, find_world, fuse_scene, views_noise
 from goc.files import is_file, object_files, object_ids, read_json, write_json, write_meshes
 from goc.files.layout import REPORT
 from goc.report import read_report
@@ -113,7 +113,9 @@ def _fuse(source: Path, out: Path, completion: CompleteConfig) -> _Told:
     with record.stage("capture"):
         capture = load_capture(source)
     with record.stage("extract"):
-        mesh, objects = fuse_scene(capture, ExtractConfig()), extract_objects(capture, ExtractConfig())
+        config, noise = ExtractConfig(), views_noise(capture)
+        mesh = fuse_scene(capture, config, noise=noise)
+        objects = extract_objects(capture, config, noise=noise)
         world = find_world(mesh, capture, WorldConfig())
     with record.stage("complete"):
         objects = close_objects(with_contacts(objects, mesh, world), completion)

@@ -1,5 +1,6 @@
 """Stage 3, views → meshes: TSDF fusion, evidence, clean-up (paper's supplement, "Mesh extraction")."""
 
+from goc.extract.agreement import views_noise
 from goc.extract.config import ExtractConfig, WorldConfig
 from goc.extract.fuse import fuse_scene
 from goc.extract.measured_views import DepthError, MeasuredViews, measured_views
@@ -19,4 +20,5 @@ __all__ = [
     "fuse_scene",
     "measured_views",
     "rendered_views",
+    "views_noise",
 ]

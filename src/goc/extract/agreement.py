@@ -8,7 +8,9 @@ from jaxtyping import Float
 from scipy.optimize import nnls
 from torch import Tensor
 
+from goc import _native
 from goc.fusion.detail import DepthNoise
+from goc.geometry.native_camera import native_camera
 from goc.geometry.parallax import parallax_views
 from goc.scene import Camera, Capture
 
@@ -43,21 +45,10 @@ def depth_gaps(
         Gap to the surface between the four pixels round each point's, NaN where these are no single surface. Then the
         smallest gap to any of the four. Both NaN outside of the frame and where the view has no depth.
     """
-    pixels, z = camera.project(points)
-    place = pixels - 0.5
-    corner = place.nan_to_num(-1.0).floor()
-    inside = (corner >= 0).all(-1) & (corner[..., 0] < camera.width - 1) & (corner[..., 1] < camera.height - 1)
-    x, y = torch.where(inside[..., None], corner, 0.0).long().unbind(-1)
-    first, flat = y * camera.width + x, depth.reshape(-1)
-    four = torch.stack([flat[first + step] for step in (0, 1, camera.width, camera.width + 1)], -1)
-    share_x, share_y = (place - corner).unbind(-1)
-    weights = [(1 - share_x) * (1 - share_y), share_x * (1 - share_y), (1 - share_x) * share_y, share_x * share_y]
-    smooth = 1.0 / (torch.stack(weights, -1) / four).sum(-1)  # planes are linear in 1/z
-    single = four.amax(-1) - four.amin(-1) < _ONE_SURFACE * smooth  # NaN is no surface
-    between = torch.where(inside & single, smooth - z, torch.nan)
-    each = torch.where(inside[..., None], four - z[..., None], torch.nan)
-    nearest = torch.where(each.isnan(), torch.inf, each.abs()).min(-1, keepdim=True).indices
-    return between, torch.where(between.isnan(), each.gather(-1, nearest)[..., 0], between)
+    flat = points.reshape(-1, 3).float().contiguous()
+    between, nearest = torch.empty(2, len(flat)).unbind(0)
+    _native.depth_gaps(flat, native_camera(camera), depth.contiguous(), _ONE_SURFACE, between, nearest)
+    return between.reshape(points.shape[:-1]), nearest.reshape(points.shape[:-1])
 
 
 def comparable_views(views: Capture) -> tuple[tuple[int, ...], ...]:
@@ -79,7 +70,9 @@ def view_gaps(views: Capture, index: int, neighbours: tuple[int, ...]) -> Float[
     camera, depth = views.cameras[index], _positive(views, index)
     if depth is None:
         return torch.zeros(2, 0)
-    z, points = depth[::_STEP, ::_STEP], camera.unproject_depth(depth)[::_STEP, ::_STEP]
+    z = depth[::_STEP, ::_STEP]
+    row, column = torch.meshgrid(*(torch.arange(0, side, _STEP) + 0.5 for side in depth.shape), indexing="ij")
+    points = camera.unproject(torch.stack([column, row], -1), z)
     found = [depth.new_zeros(2, 0)]
     for other in neighbours:
         measured = _positive(views, other)

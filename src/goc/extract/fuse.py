@@ -9,7 +9,6 @@ from jaxtyping import Float32
 from goc.device import CPU
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.agreement import views_noise
 from goc.extract.clean import without_floaters
 from goc.extract.config import ExtractConfig
 from goc.fusion.cell_counts import CellCounts, count_cells
@@ -37,7 +36,7 @@ def fuse_scene(
         config: Voxel and votes.
         notify: Hears progress, and a warning where the scene is too large for its voxel.
         device: Where views are fused.
-        noise: Of the views' depth; it sets the band. None: it is measured.
+        noise: Of the views' depth; it sets the band (`views_noise`). None: not known, pixels alone do.
 
     Raises:
         ExtractError: no view has depth, or no surface is left.
@@ -45,7 +44,7 @@ def fuse_scene(
     size = 2.0 * config.scene_voxel * views.units_per_metre
     sizes = PixelSizes()
     cells = count_cells(sizes.watched(depth_views(views, "find surfaces", notify)), size, by_id=False)
-    detail = sizes.detail(None, noise or views_noise(views))
+    detail = sizes.detail(None, noise)
     grid = _block_grid(cells, views.units_per_metre, config, notify, detail)
     (volume,) = fuse_views([grid], [None], depth_views(views, "fuse scene", notify), device)
     least = min(config.min_views, math.ceil(len(views) / 10))

@@ -9,7 +9,6 @@ from jaxtyping import Int32
 from goc.device import CPU
 from goc.errors import ExtractError
 from goc.events import Listener, Warned, ignore
-from goc.extract.agreement import views_noise
 from goc.extract.clean import without_floaters
 from goc.extract.config import ExtractConfig
 from goc.extract.fuse import voted_distance
@@ -41,7 +40,7 @@ def extract_objects(
         config: Voxels, votes and the evidence box.
         notify: Hears progress and warnings.
         device: Where views are fused.
-        noise: Of the views' depth; with the pixels' size it sets voxels and bands. None: it is measured.
+        noise: Of the views' depth; with the pixels' size it sets voxels and bands (`views_noise`). None: not known.
 
     Returns:
         Objects in the order of their ids, each with its open `observed` surface and its evidence, scene units.
@@ -55,7 +54,6 @@ def extract_objects(
     def depths(stage: str) -> Callable[[], Iterator[DepthView]]:
         return lambda: depth_views(views, stage, notify)
 
-    noise = noise or views_noise(views)
     grids, details = _object_grids(views, depths("find objects")(), config, noise, notify)
     surfaces: dict[int, FusedSurface] = {}
     for wanted, volume in _fused_volumes(grids, depths("fuse objects"), config, device):
