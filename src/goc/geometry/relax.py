@@ -43,8 +43,10 @@ def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Flo
 def vertex_links(faces: Int32[np.ndarray, "t 3"], count: int) -> csr_array:
     """Matrix of `count` vertices with a 1 for each pair that shares an edge, on either side of the diagonal."""
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    first, second = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0).T
-    return csr_array((np.ones(len(first), np.float32), (first, second)), shape=(count, count))
+    first, second = np.concatenate([ends, ends[:, ::-1]]).T
+    links = csr_array((np.ones(len(first), np.float32), (first, second)), shape=(count, count))
+    links.data[:] = 1.0  # a pair of each face of an edge was summed
+    return links
 
 
 def _smooth_normals(mesh: Mesh, links: csr_array) -> Float32[np.ndarray, "v 3"]:
