@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from goc.complete import with_margin
-from goc.complete.candidates import CONVEX, HULL, NETWORK, OUTLINES, candidates, hypotheses, imagined_share
+from goc.complete.candidates import CONVEX, HULL, NETWORK, OUTLINES, candidates, hypotheses, imagined_share, refined
 from goc.complete.convex import convex_fill
 from goc.complete.mirrored import mirrored
 from goc.complete.mirrors import MirrorPlane
@@ -55,7 +55,23 @@ def test_the_outlines_of_a_table_give_it_the_legs_that_nobody_saw():
         lambda at: np.minimum.reduce([part(at) for part in (top, *legs)]), ((0, -1), (1, -1), (2, -1))
     )
     fill = outline_fill(found, np.eye(3))
-    assert overlap(fill < 0, truth < 0) > 0.7 > overlap(convex_fill(found) < 0, truth < 0)
+    open_to = with_margin(found.evidence).state != Evidence.EMPTY
+    assert overlap((fill < 0) & open_to, truth < 0) > 0.7 > overlap((convex_fill(found) < 0) & open_to, truth < 0)
+
+
+def test_a_fill_in_coarse_voxels_is_refined_to_itself_where_it_is_linear():
+    found, _ = seen_along(box((0.6, 0.4, 0.5)), CORNER)
+    fine = found.evidence
+    part = (slice(None, None, 3),) * 3
+    coarse = replace(fine, voxel=3 * fine.voxel, state=fine.state[part].copy(), sdf=fine.sdf[part].copy())
+
+    def slope(evidence):
+        grid = with_margin(evidence)
+        at = [grid.origin[a] + grid.voxel * np.arange(n) for a, n in enumerate(grid.state.shape)]
+        return ((at[0][:, None, None] + 0.5 * at[1][:, None] - at[2]) / grid.voxel).astype(np.float32)
+
+    inner = (slice(2, -4),) * 3
+    assert refined(slope(coarse), coarse, fine)[inner] == pytest.approx(slope(fine)[inner], abs=1e-4)
 
 
 def test_a_mirrored_half_is_the_other_half():
@@ -101,7 +117,7 @@ def test_a_network_is_asked_for_what_was_measured_and_for_its_mirror_images(crat
     found, truth = crate
     asked = []
 
-    def knows(seen):
+    def knows(seen, _):
         asked.append(seen)
         return truth.astype(np.float32)
 

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from jaxtyping import Float64
 
-from goc.complete.candidates import HULL, Candidate, Filler, Hypotheses, candidates, coarsened, hypotheses
+from goc.complete.candidates import HULL, Candidate, Filler, Grid, candidates, coarsened, hypotheses, refined
 from goc.complete.compose import Measured
 from goc.complete.features import FEATURES, features, longest_side
 from goc.errors import CompleteError
@@ -109,8 +109,10 @@ def choose(found: Measured, options: Sequence[Candidate], calibration: Calibrati
     )
 
 
-def choose_for(found: Measured, network: Filler | None, calibration: Calibration) -> tuple[Hypotheses, Choice]:
-    """What an object seems to be, and which candidate to take; judged in coarse voxels, for `fill_of` to refine."""
+def choose_for(found: Measured, network: Filler | None, calibration: Calibration) -> tuple[Grid | None, Choice]:
+    """The fill to take, as `compose_field` takes it, and why: candidates are judged and filled in coarse voxels."""
     coarse = coarsened(found)
-    supposed = hypotheses(coarse)
-    return supposed, choose(coarse, list(candidates(coarse, supposed, network)), calibration)
+    options = list(candidates(found, hypotheses(coarse), network, coarse))
+    made = choose(coarse, options, calibration)
+    fill = next(option.fill for option in options if option.name == made.name)
+    return (None if fill is None else refined(fill, coarse.evidence, found.evidence)), made

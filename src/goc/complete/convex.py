@@ -2,6 +2,7 @@
 
 import numpy as np
 from jaxtyping import Bool, Float32
+from scipy import ndimage
 from scipy.spatial import ConvexHull, QhullError
 
 from goc.complete.compose import Measured, with_margin
@@ -14,8 +15,8 @@ _LATTICE = 3
 
 
 def asked_voxels(grid: EvidenceGrid) -> Bool[np.ndarray, "x y z"]:
-    """Voxels at which a proposal is worked out: all that may be solid, and a lattice of those seen empty."""
-    asked = grid.state != Evidence.EMPTY
+    """Voxels at which a proposal is worked out: all that may be solid, and next to it, and a lattice of the rest."""
+    asked = ndimage.binary_dilation(grid.state != Evidence.EMPTY, np.ones((3, 3, 3)))
     asked[::_LATTICE, ::_LATTICE, ::_LATTICE] = True
     return asked
 

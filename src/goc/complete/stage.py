@@ -9,7 +9,6 @@ import torch
 from jaxtyping import Float32
 
 from goc.complete.bounds import Bounds, bounded, bounds_of, cut, without_strays
-from goc.complete.candidates import fill_of
 from goc.complete.choice import Calibration, choose_for, read_calibration
 from goc.complete.compose import Composition, Measured, compose_field, with_margin
 from goc.complete.config import CompleteConfig
@@ -76,9 +75,9 @@ def close_objects(
     calibration = read_calibration() if config.method == "best" else None
     closed, bounds = list(objects), bounds_of(objects)
     filled: list[Composition] = []
-    for number, place in enumerate(_small_first(objects), 1):
+    for number, place in enumerate(small_first(objects), 1):
         item = objects[place]
-        found, flaw = _measured(item), "its surface or its evidence is missing"
+        found, flaw = seen_part(item, bounds[item.id], filled), "its surface or its evidence is missing"
         if found is not None:
             composed, how = _composed(found, model, config, calibration, filled, bounds[item.id])
             solid = finished_surface(composed, found.mesh, config.faces, units_per_metre)
@@ -114,11 +113,15 @@ def without_neighbours(grid: EvidenceGrid, solids: Sequence[Composition]) -> Evi
     return replace(grid, state=state)
 
 
-def _measured(item: SceneObject) -> Measured | None:
-    """What completion needs of an object; None where a part of it is absent."""
+def seen_part(item: SceneObject, bounds: Bounds, solids: Sequence[Composition]) -> Measured | None:
+    """What completion starts from: what was measured within an object's bounds, where `solids` are not.
+
+    None where its surface or its evidence is absent.
+    """
     if item.observed is None or item.evidence is None:
         return None
-    return Measured(mesh=item.observed.mesh, evidence=item.evidence)
+    found = without_strays(Measured(mesh=item.observed.mesh, evidence=item.evidence), bounds)
+    return replace(found, evidence=without_neighbours(found.evidence, solids))
 
 
 def _doubt(item: SceneObject) -> str:
@@ -137,25 +140,22 @@ def _composed(
     bounds: Bounds,
 ) -> tuple[Composition, Completed]:
     """The signed field of one object within its bounds, where `solids` are already taken, and how it came about."""
-    found = without_strays(found, bounds)
-    found = replace(found, evidence=without_neighbours(found.evidence, solids))
 
-    def ask(seen: Measured) -> Float32[np.ndarray, "x y z"]:
+    def ask(seen: Measured, at: EvidenceGrid) -> Float32[np.ndarray, "x y z"]:
         assert model is not None
-        return model_fill(model, seen, vertex_normals(seen.mesh), config.threshold, config.coarse_cells)
+        return model_fill(model, seen, vertex_normals(seen.mesh), config.threshold, config.coarse_cells, at)
 
     fill, how = None, Completed(method=config.method)
     if calibration is not None:
-        supposed, made = choose_for(found, ask, calibration)
-        fill = fill_of(made.name, found, supposed, ask)
+        fill, made = choose_for(found, ask, calibration)
         how = Completed(method=made.name, expected_error=made.expected_error, trusted=made.trusted)
     elif model is not None:
-        fill = ask(found)
+        fill = ask(found, found.evidence)
     evidence = with_margin(bounded(found.evidence, bounds))
     return cut(compose_field(evidence, fill, found.mesh.vertices), bounds, solids), how
 
 
-def _small_first(objects: Sequence[SceneObject]) -> list[int]:
+def small_first(objects: Sequence[SceneObject]) -> list[int]:
     """Places of the objects by the volume of their boxes: of what nobody saw, the smaller of two is the surer owner."""
     spans = [_span(item) for item in objects]
     return sorted(range(len(objects)), key=lambda place: (float(np.prod(spans[place])), place))
@@ -168,9 +168,14 @@ def _span(item: SceneObject) -> Float32[np.ndarray, "3"]:
 
 
 def model_fill(
-    model: Completer, found: Measured, normals: Float32[np.ndarray, "v 3"], threshold: float, coarse_cells: int
+    model: Completer,
+    found: Measured,
+    normals: Float32[np.ndarray, "v 3"],
+    threshold: float,
+    coarse_cells: int,
+    at: EvidenceGrid | None = None,
 ) -> Float32[np.ndarray, "x y z"]:
-    """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(found.evidence)`.
+    """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(at)`.
 
     Args:
         model: asked once for a field.
@@ -178,8 +183,9 @@ def model_fill(
         normals: unit, at the vertices.
         threshold: occupancy at which the model's surface is.
         coarse_cells: cells along the longest side in which its field is asked at first.
+        at: evidence of the same object in other voxels, at which the answer is wanted; None: that of `found`.
     """
-    grid = with_margin(found.evidence)
+    grid = with_margin(found.evidence if at is None else at)
     points = found.mesh.vertices
     cube = bounding_cube(points)
     seen = narrowed(found.evidence, _BAND * max(found.evidence.state.shape) * found.evidence.voxel)

@@ -34,7 +34,6 @@ from goc.complete.candidates import (
     Filler,
     candidates,
     coarsened,
-    fill_of,
     hypotheses,
 )
 from goc.complete.choice import choose_for, read_calibration
@@ -128,13 +127,12 @@ def _timed(found: Measured, network: Completer | None, threshold: float) -> Iter
 
 
 def _asking(network: Completer, threshold: float) -> Filler:
-    return lambda seen: model_fill(network, seen, vertex_normals(seen.mesh), threshold, _COARSE)
+    return lambda seen, at: model_fill(network, seen, vertex_normals(seen.mesh), threshold, _COARSE, at)
 
 
 def _chosen(found: Measured, ask: Filler) -> Completion:
     started = time.perf_counter()
-    supposed, chosen = choose_for(found, ask, read_calibration())
-    fill = fill_of(chosen.name, found, supposed, ask)
+    fill, _ = choose_for(found, ask, read_calibration())
     composed = compose_field(with_margin(found.evidence), fill, found.mesh.vertices)
     return _completion(composed, found, time.perf_counter() - started)
 

@@ -8,18 +8,20 @@ import numpy as np
 
 from goc.capture import load_capture
 from goc.complete import Measured, closed_surface, compose_field, model_fill, with_margin
+from goc.complete.bounds import Bounds, bounded, bounds_of, cut
 from goc.complete.candidates import candidates, coarsened, hypotheses
 from goc.complete.choice import Calibration
 from goc.complete.compose import Composition
+from goc.complete.contacts import with_contacts
 from goc.complete.features import features, longest_side
 from goc.complete.partial import Completer
-from goc.complete.stage import without_neighbours
+from goc.complete.stage import seen_part, small_first
 from goc.evaluation.metrics import SurfaceSamples, sample_surface, surface_scores
 from goc.evaluation.truth import read_truth
 from goc.events import Listener, Progress, ignore
-from goc.extract import ExtractConfig, extract_objects
+from goc.extract import ExtractConfig, WorldConfig, extract_objects, find_world, fuse_scene, views_noise
 from goc.geometry.surfaces import vertex_normals
-from goc.scene import FlaggedMesh, Mesh
+from goc.scene import EvidenceGrid, FlaggedMesh, Mesh
 from goc.settings import Count, OpenShare, Seed, Settings
 from goc.training.evaluate import EvalConfig, cases, true_surface_samples
 from goc.training.fit_choice import Case, fit_calibration
@@ -97,8 +99,8 @@ class _Asker:
     network: Completer
     threshold: float
 
-    def fill(self, found: Measured) -> np.ndarray:
-        return model_fill(self.network, found, vertex_normals(found.mesh), self.threshold, _COARSE)
+    def fill(self, found: Measured, at: EvidenceGrid) -> np.ndarray:
+        return model_fill(self.network, found, vertex_normals(found.mesh), self.threshold, _COARSE, at)
 
 
 def _shape_cases(data: Path, split: str, count: int, asker: _Asker, config: CalibrateConfig) -> Iterator[list[Case]]:
@@ -108,32 +110,45 @@ def _shape_cases(data: Path, split: str, count: int, asker: _Asker, config: Cali
         part = []
         for group, masked, seen in cases(library[index], masks, index, _GROUPS):
             truth = true_surface_samples(masked, 1)
-            part.append(_case(library.shapes[index].name, group, seen, truth, asker))
+            part.append(_case((library.shapes[index].name, group), seen, truth, asker))
         yield part
 
 
 def _room_cases(room: Path, asker: _Asker) -> Iterator[list[Case]]:
-    """Objects fused from exact depth, small ones first, as `close_objects` takes them."""
-    objects = extract_objects(load_capture(room), ExtractConfig())
-    truth = read_truth(room)
+    """Objects fused from exact depth, within their contacts and small ones first, as `close_objects` takes them."""
+    capture, config = load_capture(room), ExtractConfig()
+    noise = views_noise(capture)
+    mesh = fuse_scene(capture, config, noise=noise)
+    world = find_world(mesh, capture, WorldConfig())
+    objects = with_contacts(extract_objects(capture, config, noise=noise), mesh, world)
+    bounds, truth = bounds_of(objects), read_truth(room)
     part: list[Case] = []
     filled: list[Composition] = []
-    whole = [item for item in objects if item.observed is not None and item.evidence is not None]
-    for item in sorted(whole, key=lambda item: float(np.prod(np.ptp(item.observed.mesh.vertices, axis=0)))):
-        found = Measured(mesh=item.observed.mesh, evidence=without_neighbours(item.evidence, filled))
-        filled.append(compose_field(with_margin(found.evidence), asker.fill(found), found.mesh.vertices))
+    for item in (objects[place] for place in small_first(objects)):
+        limits = bounds[item.id]
+        found = seen_part(item, limits, filled)
+        if found is None:
+            continue
+        evidence = with_margin(bounded(found.evidence, limits))
+        composed = compose_field(evidence, asker.fill(found, found.evidence), found.mesh.vertices)
+        filled.append(cut(composed, limits, filled))
         if item.id in truth.objects:
-            part.append(_case(f"{room.name}/{item.id}", "scanned", found, truth.objects[item.id].samples, asker))
+            name, samples = f"{room.name}/{item.id}", truth.objects[item.id].samples
+            part.append(_case((name, "scanned"), found, samples, asker, limits))
     yield part
 
 
-def _case(shape: str, group: str, found: Measured, truth: SurfaceSamples, asker: _Asker) -> Case:
+def _case(
+    named: tuple[str, str], found: Measured, truth: SurfaceSamples, asker: _Asker, limits: Bounds | None = None
+) -> Case:
+    """All candidates of an object, and how far each is from the truth; `named` are the shape and its group."""
     coarse, longest = coarsened(found), longest_side(found)
-    options = list(candidates(coarse, hypotheses(coarse), asker.fill))
-    made = [_with_guesses(found.mesh, closed_surface(option.composed, found.mesh)) for option in options]
+    options = list(candidates(found, hypotheses(coarse), asker.fill, coarse))
+    ended = [option.composed if limits is None else cut(option.composed, limits, ()) for option in options]
+    made = [_with_guesses(found.mesh, closed_surface(composed, found.mesh)) for composed in ended]
     return Case(
-        shape=shape,
-        group=group,
+        shape=named[0],
+        group=named[1],
         names=tuple(option.name for option in options),
         rows=features(coarse, options),
         errors=np.array([_error(mesh, truth, longest) for mesh in made]),
