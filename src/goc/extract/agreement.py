@@ -45,10 +45,12 @@ def depth_gaps(
         Gap to the surface between the four pixels round each point's, NaN where these are no single surface. Then the
         smallest gap to any of the four. Both NaN outside of the frame and where the view has no depth.
     """
-    flat = points.reshape(-1, 3).float().contiguous()
-    between, nearest = torch.empty(2, len(flat)).unbind(0)
-    _native.depth_gaps(flat, native_camera(camera), depth.contiguous(), _ONE_SURFACE, between, nearest)
-    return between.reshape(points.shape[:-1]), nearest.reshape(points.shape[:-1])
+    flat = points.reshape(-1, 3).float().contiguous().numpy()
+    between, nearest = np.empty((2, len(flat)), np.float32)
+    seen = depth.float().contiguous().numpy()
+    _native.depth_gaps(flat, native_camera(camera), seen, _ONE_SURFACE, between, nearest)
+    shape = points.shape[:-1]
+    return torch.from_numpy(between).reshape(shape), torch.from_numpy(nearest).reshape(shape)
 
 
 def comparable_views(views: Capture) -> tuple[tuple[int, ...], ...]:
