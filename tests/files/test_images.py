@@ -170,7 +170,7 @@ def test_cut_foreign_and_missing_files_are_refused(tmp_path):
         read_image(tmp_path / "cut.jpg")
     (tmp_path / "text.png").write_text("<html>404</html>")
     for read in (read_image, image_size):
-        with pytest.raises(FileError, match=r"text\.png: not a readable PNG, JPEG, WEBP, BMP image"):
+        with pytest.raises(FileError, match=r"text\.png: not a readable PNG, JPEG, WEBP, BMP, TIFF image"):
             read(tmp_path / "text.png")
         with pytest.raises(FileError, match=r"absent\.png: not found"):
             read(tmp_path / "absent.png")

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated
 
-from goc.scene import DepthKind
+from goc.capture.source import StoredDepthKind
 from goc.settings import CountOrNone, Positive, Range, Settings
 
 SidePx = Annotated[int, Range(least=16)]
@@ -20,9 +20,10 @@ class CaptureConfig(Settings):
     """Use the depth images that come with the capture; otherwise they count as absent."""
     use_normals: bool = True
     """Use the normal images that come with the capture; otherwise they count as absent."""
-    depth_kind: DepthKind | None = None
-    """What a stored depth D means. metric: z. affine: z = k·D + b, inverse: 1/z = k·D + b, with k > 0 and b unknown of
-    each view, as monocular networks estimate depth and disparity. Default: as the capture says, else metric."""
+    depth_kind: StoredDepthKind | None = None
+    """What a stored depth D means. metric: z. distance: along each pixel's ray. affine: z = k·D + b, inverse:
+    1/z = k·D + b, with k > 0 and b unknown of each view, as monocular networks estimate depth and disparity. Default:
+    as the capture says, else metric."""
     allow_missing: bool = False
     """Leave out views whose image is missing, and missing depth, ids or normals, with a warning instead of an error."""
     max_side_px: SidePx = 640

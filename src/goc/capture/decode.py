@@ -3,40 +3,49 @@
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
-from jaxtyping import Float, Int16, UInt8
+from jaxtyping import Bool, Float, UInt8
 from torch import Tensor
 
-from goc.capture.distortion import kept_box
-from goc.capture.rasters import resized, undistorted
-from goc.capture.source import IdCodes, Lens, View
+from goc.capture.distortion import Pinhole, pinhole_of
+from goc.capture.masks import ids_of
+from goc.capture.pixels import Pixels, codes_in, numbers_in, path_of
+from goc.capture.rasters import coloured, nearest
+from goc.capture.source import IdCodes, Lens, Source, StoredDepthKind, View
 from goc.errors import CaptureError
-from goc.files import read_depth, read_ids, read_image, read_normals
-from goc.scene import ROOM, UNLABELLED, Camera, Frame, FrameSource
+from goc.files import depth_of, picture_size, read_normals, read_picture
+from goc.scene import UNLABELLED, Camera, Frame, FrameSource
 
 _SAME_ASPECT = 0.01
+_OPAQUE = 128
 
 
-def camera_of(view: View, max_side_px: int) -> Camera:
-    """The pinhole camera that the decoded view has.
+def pinhole_view(view: View, max_side_px: int) -> Pinhole:
+    """The pinhole view that is decoded.
 
     Raises:
         CaptureError: the lens's distortion leaves next to nothing of the image.
     """
-    left, top, right, bottom = kept_box(view.lens)
-    camera = Camera(
-        focal_px=torch.tensor(view.lens.focal_px),
-        centre_px=torch.tensor([view.lens.centre_px[0] - left, view.lens.centre_px[1] - top]),
-        width=right - left,
-        height=bottom - top,
+    whole = pinhole_of(view.lens)
+    scale = max_side_px / max(whole.width, whole.height)
+    if scale >= 1:
+        return whole
+    return whole.resized(max(1, round(whole.width * scale)), max(1, round(whole.height * scale)))
+
+
+def camera_of(view: View, max_side_px: int) -> Camera:
+    """The camera of `pinhole_view`; raises what that raises."""
+    seen = pinhole_view(view, max_side_px)
+    return Camera(
+        focal_px=torch.tensor(seen.focal_px),
+        centre_px=torch.tensor(seen.centre_px),
+        width=seen.width,
+        height=seen.height,
         world_from_cam=torch.from_numpy(view.world_from_cam.astype(np.float32)),
     )
-    scale = max_side_px / max(camera.width, camera.height)
-    if scale >= 1:
-        return camera
-    return camera.resized(max(1, round(camera.width * scale)), max(1, round(camera.height * scale)))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -47,16 +56,19 @@ class Photographs:
     cameras: tuple[Camera, ...]
 
     def __call__(self, index: int) -> Frame:
-        """Decode a photograph.
+        """Decode a photograph, and its mask and transparency.
 
         Raises:
             FileError: the file is missing or damaged.
             CaptureError: its size contradicts the intrinsics.
         """
         view, camera = self.views[index], self.cameras[index]
-        image = torch.from_numpy(read_image(view.image))
-        _check_size(view.image, image.shape[1], image.shape[0], view.lens)
-        return Frame(camera=camera, image=_colour(image, view.lens, camera))
+        pixels, alpha = photograph(view)
+        _check_size(path_of(view.image), pixels.shape[1], pixels.shape[0], view.lens)
+        seen = _pinhole(camera)
+        image = coloured(torch.from_numpy(pixels).permute(2, 0, 1), view.lens, seen)
+        colours = image.permute(1, 2, 0).round().clamp(0, 255).to(torch.uint8).contiguous()
+        return Frame(camera=camera, image=colours, valid=_valid(view, alpha, seen))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -66,7 +78,9 @@ class WithDepth:
     below: FrameSource
     views: tuple[View, ...]
     units_per_metre: float
-    """Of the stored depth."""
+    """Of the stored depth, where a view does not say its own."""
+    kind: StoredDepthKind = "metric"
+    least_confidence: float = 0.0
 
     def __call__(self, index: int) -> Frame:
         """Decode a depth image.
@@ -78,8 +92,17 @@ class WithDepth:
         frame, view = self.below(index), self.views[index]
         if view.depth is None:
             return frame
-        stored = torch.from_numpy(read_depth(view.depth, self.units_per_metre))
-        return replace(frame, depth=_nearest(view.depth, stored[None], view.lens, frame.camera)[0])
+        measured = self.kind in ("metric", "distance")
+        units = view.depth_units_per_metre or self.units_per_metre
+        stored = depth_of(numbers_in(view.depth), units, saturates=measured)
+        depth = _registered(view.depth, torch.from_numpy(stored)[None], view.lens, frame, view.depth_lens)[0]
+        if measured:
+            depth = depth * _z_of_stored(view, frame.camera, self.kind)
+        if view.confidence is not None:
+            sure = torch.from_numpy(numbers_in(view.confidence).astype(np.float32))[None]
+            sure = _registered(view.confidence, sure, view.lens, frame, view.depth_lens)[0]
+            depth = torch.where(sure >= self.least_confidence, depth, torch.nan)
+        return replace(frame, depth=_where_valid(depth, frame, torch.nan))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -95,17 +118,9 @@ class WithIds:
         frame, view = self.below(index), self.views[index]
         if view.ids is None:
             return frame
-        ids = torch.from_numpy(self._meant(read_ids(view.ids))).float()
-        return replace(frame, ids=_nearest(view.ids, ids[None], view.lens, frame.camera)[0].to(torch.int16))
-
-    def _meant(self, stored: Int16[np.ndarray, "h w"]) -> Int16[np.ndarray, "h w"]:
-        ids = stored.copy()
-        ids[stored == self.codes.background] = ROOM
-        if self.codes.unknown is not None:
-            ids[stored == self.codes.unknown] = UNLABELLED
-        if self.codes.values:
-            ids[~np.isin(stored, self.codes.values)] = UNLABELLED
-        return ids
+        ids = torch.from_numpy(ids_of(path_of(view.ids), codes_in(view.ids), self.codes)).float()
+        registered = _registered(view.ids, ids[None], view.lens, frame, None, outside=float(UNLABELLED))[0]
+        return replace(frame, ids=_where_valid(registered, frame, float(UNLABELLED)).to(torch.int16))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -120,7 +135,34 @@ class WithNormals:
         frame, view = self.below(index), self.views[index]
         if view.normals is None:
             return frame
-        return replace(frame, normals=_normals(view.normals, view.lens, frame.camera))
+        return replace(frame, normals=_normals(view.normals, view.lens, frame))
+
+
+def layers(source: Source, views: tuple[View, ...], cameras: tuple[Camera, ...], kind: StoredDepthKind) -> FrameSource:
+    """What decodes a view, a layer for each kind of image that some view has."""
+    frames: FrameSource = Photographs(views=views, cameras=cameras)
+    if any(view.depth is not None for view in views):
+        depth: dict[str, Any] = {"units_per_metre": source.depth_units_per_metre, "kind": kind}
+        frames = WithDepth(below=frames, views=views, least_confidence=source.least_confidence, **depth)
+    if any(view.ids is not None for view in views):
+        frames = WithIds(below=frames, views=views, codes=source.id_codes)
+    if any(view.normals is not None for view in views):
+        frames = WithNormals(below=frames, views=views)
+    return frames
+
+
+def photograph(view: View) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:
+    """Colours and alpha as stored, or upright where only that is of the lens's size; raises FileError."""
+    if isinstance(view.image, Path):
+        return read_picture(view.image, is_turned(view.image, view.lens))
+    pixels = view.image.read()
+    return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3]) if pixels.shape[2] == 4 else None
+
+
+def is_turned(path: Path, lens: Lens) -> bool:
+    """Whether intrinsics and pose refer to the upright image: it has the lens's size, and the stored one has not."""
+    size, wanted = picture_size(path), (lens.width, lens.height)
+    return size.stored != wanted and size.upright == wanted
 
 
 def check_shape(path: Path, width: int, height: int, lens: Lens) -> None:
@@ -144,27 +186,70 @@ def _check_size(path: Path, width: int, height: int, lens: Lens) -> None:
         )
 
 
-def _colour(image: UInt8[Tensor, "H W 3"], lens: Lens, camera: Camera) -> UInt8[Tensor, "h w 3"]:
-    if lens.is_pinhole and (camera.height, camera.width) == tuple(image.shape[:2]):
-        return image
-    planes = resized(undistorted(image.permute(2, 0, 1).float(), lens, "bilinear"), camera, "bilinear")
-    return planes.permute(1, 2, 0).round().clamp(0, 255).to(torch.uint8).contiguous()
+def _pinhole(camera: Camera) -> Pinhole:
+    (across, down), (x, y) = camera.focal_px.tolist(), camera.centre_px.tolist()
+    return Pinhole((across, down), (x, y), camera.width, camera.height)
 
 
-def _normals(path: Path, lens: Lens, camera: Camera) -> Float[Tensor, "h w 3"]:
-    """Normals towards the camera; those that look away, at edges, count as none. Undistortion turns no axis."""
-    stored = torch.from_numpy(read_normals(path)).permute(2, 0, 1)
-    normals = _nearest(path, stored, lens, camera).permute(1, 2, 0)
-    towards = (normals * camera.rays()).sum(-1)
+def _valid(view: View, alpha: UInt8[np.ndarray, "h w"] | None, seen: Pinhole) -> Bool[Tensor, "h w"] | None:
+    """Where the mask and the transparency leave the photograph; None for everywhere."""
+    shown = []
+    if alpha is not None and (alpha < _OPAQUE).any():
+        shown.append(torch.from_numpy(alpha >= _OPAQUE))
+    if view.mask is not None:
+        mask = codes_in(view.mask) > 0
+        check_shape(path_of(view.mask), mask.shape[1], mask.shape[0], view.lens)
+        shown.append(torch.from_numpy(mask))
+    if not shown:
+        return None
+    # linear: a pixel counts where all of what it was made of does
+    kept = [coloured(part[None].float(), view.lens, seen)[0] > 0.99 for part in shown]
+    return torch.stack(kept).all(0)
+
+
+def _where_valid(values: Float[Tensor, "h w"], frame: Frame, otherwise: float) -> Float[Tensor, "h w"]:
+    return values if frame.valid is None else torch.where(frame.valid, values, otherwise)
+
+
+def _z_of_stored(view: View, camera: Camera, kind: StoredDepthKind) -> Float[Tensor, "h w"] | float:
+    """Z along the view's axis of a stored depth of 1, along the lens's axis or along the pixel's ray."""
+    if kind == "metric" and view.lens.turn is None:
+        return 1.0
+    rays = camera.rays()
+    if kind == "distance":
+        return 1.0 / rays.norm(dim=-1)
+    forward = torch.tensor(view.lens.turn, dtype=rays.dtype)[6:]
+    along = rays @ forward
+    return torch.where(along > 0, 1.0 / along, torch.nan)
+
+
+def _normals(pixels: Pixels, lens: Lens, frame: Frame) -> Float[Tensor, "h w 3"]:
+    """Normals towards the camera; those that look away, at edges, count as none."""
+    stored = read_normals(pixels) if isinstance(pixels, Path) else pixels.read()
+    normals = _registered(pixels, torch.from_numpy(stored).permute(2, 0, 1), lens, frame).permute(1, 2, 0)
+    if lens.turn is not None:
+        normals = normals @ torch.tensor(lens.turn, dtype=normals.dtype).view(3, 3)
+    towards = (normals * frame.camera.rays()).sum(-1)
     if (towards > 0).sum() > (towards < 0).sum():
         raise CaptureError(
-            f"{path}: most normals look away from the camera. Write them in OpenCV camera axes (x right, y down, "
-            "z forward): from OpenGL axes, negate y and z."
+            f"{path_of(pixels)}: most normals look away from the camera. Write them in OpenCV camera axes (x right, "
+            "y down, z forward): from OpenGL axes, negate y and z."
         )
-    return torch.where((towards < 0)[..., None], normals, torch.nan).contiguous()
+    known = (towards < 0) if frame.valid is None else (towards < 0) & frame.valid
+    return torch.where(known[..., None], normals, torch.nan).contiguous()
 
 
-def _nearest(path: Path, values: Float[Tensor, "c H W"], lens: Lens, camera: Camera) -> Float[Tensor, "c h w"]:
+def _registered(
+    pixels: Pixels,
+    values: Float[Tensor, "c H W"],
+    lens: Lens,
+    frame: Frame,
+    own: Lens | None = None,
+    outside: float = math.nan,
+) -> Float[Tensor, "c h w"]:
     """Bring depth, ids or normals onto the camera's raster without mixing neighbours."""
-    check_shape(path, values.shape[2], values.shape[1], lens)
-    return resized(undistorted(values, lens, "nearest"), camera, "nearest").contiguous()
+    if own is None:
+        check_shape(path_of(pixels), values.shape[2], values.shape[1], lens)
+    elif (own.width, own.height) != (values.shape[2], values.shape[1]):
+        own = own.resized(values.shape[2], values.shape[1])
+    return nearest(values, own or lens, _pinhole(frame.camera), outside).contiguous()

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 _TOLERANCE = 5e-3  # of rotation entries: poses printed with three digits pass, scaled or sheared ones do not
-_FARTHEST = 1e6  # float32 keeps no useful digits beyond
+_FARTHEST = 1e8  # positions on the globe; their common offset is taken off before float32
 
 OPENCV_FROM_OPENGL = np.diag([1.0, -1.0, -1.0, 1.0])
 """Camera axes: OpenGL looks along -z with y up, OpenCV along z with y down."""

@@ -3,40 +3,42 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, UInt8
 
+from goc.capture.lens import Lens, Projection, equirectangular
+from goc.capture.pixels import Pixels, Stored
 from goc.errors import CaptureError
 from goc.files import MILLIMETRES
-from goc.scene import DepthKind, PointCloud
+from goc.scene import UNLABELLED, PointCloud
 
+__all__ = [
+    "FarPoints",
+    "IdCodes",
+    "Lens",
+    "Pixels",
+    "Projection",
+    "Source",
+    "Stored",
+    "StoredDepthKind",
+    "View",
+    "complain",
+    "count_of",
+    "equirectangular",
+    "parse_id_names",
+    "shown",
+]
+
+StoredDepthKind = Literal["metric", "distance", "affine", "inverse"]
+"""Meaning of stored depth: `DepthKind`, or the distance to the camera's centre along each pixel's ray."""
 _LONGEST_NAME = 120
 
 
 @dataclass(frozen=True)
-class Lens:
-    """Intrinsics of the stored pixels; pixel (0, 0) is centred at (0.5, 0.5).
-
-    Distortion is OpenCV's: radial 1 + k1 r² + k2 r⁴ + k3 r⁶ + k4 r⁸ and tangential p1, p2.
-    """
-
-    width: int
-    height: int
-    focal_px: tuple[float, float]
-    centre_px: tuple[float, float]
-    radial: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    tangential: tuple[float, float] = (0.0, 0.0)
-
-    @property
-    def is_pinhole(self) -> bool:
-        """Whether straight lines stay straight."""
-        return not any(self.radial) and not any(self.tangential)
-
-
-@dataclass(frozen=True)
 class IdCodes:
-    """Meaning of stored ids, besides 255 and 65535, which mean unlabelled."""
+    """Meaning of stored ids, besides 255 and 65535, which mean unlabelled unless something here says otherwise."""
 
     background: int = 0
     """Stored value of the room."""
@@ -44,20 +46,43 @@ class IdCodes:
     """Another stored value that means unlabelled."""
     values: tuple[int, ...] = ()
     """All valid stored values; others are unlabelled. Empty if they are not known."""
+    table: tuple[tuple[int, int], ...] = ()
+    """Pairs of a stored value (of a colour: r << 16 | g << 8 | b) and its id, 0 for the room, UNLABELLED for none. It
+    replaces all of the above."""
+    others: int = UNLABELLED
+    """Id of stored values that the table does not hold."""
+    blurred: bool = False
+    """Images were scaled with smoothing: values at edges are mixtures, and count for nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class View:
-    """Camera and files of one view."""
+    """Camera and files of one view. Depth, ids, normals, confidence and mask are registered to the image."""
 
     name: str
     lens: Lens
     world_from_cam: Float64[np.ndarray, "4 4"]
     """Rigid pose, OpenCV camera axes, scene units."""
-    image: Path
-    depth: Path | None = None
-    ids: Path | None = None
-    normals: Path | None = None
+    image: Pixels
+    depth: Pixels | None = None
+    ids: Pixels | None = None
+    normals: Pixels | None = None
+    depth_lens: Lens | None = None
+    """Of depth that has intrinsics of its own; None where depth shares the image's field of view, at any resolution."""
+    depth_units_per_metre: float | None = None
+    """Steps of this view's depth in a scene unit, where it differs from the source's."""
+    confidence: Pixels | None = None
+    """How sure the sensor is of each depth; see `Source.least_confidence`."""
+    mask: Pixels | None = None
+    """0 where the photograph shows nothing that belongs to the scene: no colour, depth or id counts there."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class FarPoints:
+    """Coloured points before the world's offset is taken off: float32 would lose their digits."""
+
+    positions: Float64[np.ndarray, "p 3"]
+    colours: UInt8[np.ndarray, "p 3"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,10 +94,14 @@ class Source:
     views: tuple[View, ...]
     depth_units_per_metre: float = MILLIMETRES
     """Steps of a stored depth in a scene unit, which is a metre where depth was measured."""
-    depth_kind: DepthKind = "metric"
+    depth_kind: StoredDepthKind = "metric"
+    least_confidence: float = 0.0
+    """Depth whose confidence is below counts as none."""
     id_codes: IdCodes = IdCodes()
     id_names: dict[int, str] = field(default_factory=dict)
-    points: PointCloud | None = None
+    points: PointCloud | FarPoints | None = None
+    metric: bool = False
+    """The poses are known to be in metres although no depth says so."""
 
 
 def complain(where: Path | str, culprits: Sequence[str], total: int, what: str, remedy: str) -> CaptureError:

@@ -41,6 +41,7 @@ def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener
         confidence=_confidence(found, config),
         units_per_metre=views.units_per_metre,
         metric=views.metric,
+        offset=views.offset,
     )
 
 

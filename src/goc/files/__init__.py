@@ -8,10 +8,12 @@ from goc.files.glb import write_glb
 from goc.files.images import (
     MILLIMETRES,
     image_size,
-    read_depth,
+    picture_size,
+    read_codes,
     read_ids,
     read_image,
     read_normals,
+    read_picture,
     write_depth,
     write_ids,
     write_image,
@@ -21,6 +23,7 @@ from goc.files.images import (
 from goc.files.layout import ObjectFiles, object_files, object_ids
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
 from goc.files.ply import Lists, read_ply, write_ply
+from goc.files.rasters import depth_of, raster_size, read_depth, read_raster
 from goc.files.reading import is_file, is_folder, read_bytes
 from goc.files.scans import read_scan
 from goc.files.scene_folder import SurfaceKind, read_meshes, read_scene, write_meshes, write_scene
@@ -28,20 +31,24 @@ from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
 
 __all__ = [
-    "as_json",
     "MESH_SUFFIXES",
     "MILLIMETRES",
     "Lists",
     "ObjectFiles",
     "SurfaceKind",
+    "as_json",
+    "depth_of",
     "image_size",
     "is_file",
     "is_folder",
     "move_file",
     "object_files",
     "object_ids",
+    "picture_size",
+    "raster_size",
     "read_any_mesh",
     "read_bytes",
+    "read_codes",
     "read_depth",
     "read_evidence",
     "read_ids",
@@ -52,8 +59,10 @@ __all__ = [
     "read_meshes",
     "read_normals",
     "read_observed_mesh",
+    "read_picture",
     "read_ply",
     "read_points",
+    "read_raster",
     "read_scan",
     "read_scene",
     "read_splats",

@@ -1,14 +1,16 @@
 """Colour, depth and id images.
 
-Pixels come as stored: an EXIF orientation is not applied, since poses refer to stored pixels.
+Pixels come as stored, since poses nearly always refer to stored pixels; `read_picture` turns them upright if asked.
 """
 
 import io
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Float32, Int16, Shaped, UInt8, UInt16
-from PIL import Image
+from jaxtyping import Float, Float32, Int16, Int32, Shaped, UInt8, UInt16
+from PIL import Image, ImageOps
 
 from goc.errors import FileError
 from goc.files.atomic import write_bytes
@@ -18,7 +20,11 @@ from goc.scene import UNLABELLED
 MAX_PIXELS = 89_000_000
 """Larger images are refused before they are decoded (just below the size where Pillow begins to object)."""
 
-_FORMATS = ("PNG", "JPEG", "WEBP", "BMP")  # not EPS and the like, whose decoders start other programs
+_FORMATS = ("PNG", "JPEG", "WEBP", "BMP", "TIFF")  # not EPS and the like, whose decoders start other programs
+_HEIF = (".heic", ".heif", ".hif")
+_ORIENTATION = 0x0112
+_SIDEWAYS = (5, 6, 7, 8)
+"""EXIF orientations that swap width and height."""
 _LIMIT = 1 << 30
 MILLIMETRES = 1000.0
 """Units per metre of depth images as goc writes them."""
@@ -37,36 +43,56 @@ def image_size(path: Path) -> tuple[int, int]:
         raise unreadable(path, error) from error
 
 
+@dataclass(frozen=True)
+class PictureSize:
+    """(width, height) of an image."""
+
+    stored: tuple[int, int]
+    upright: tuple[int, int]
+    """After its EXIF orientation is applied."""
+
+
+def picture_size(path: Path) -> PictureSize:
+    """Sizes from the header alone; raises what `image_size` raises."""
+    try:
+        with path.open("rb") as file:
+            image = _opened(path, file)
+            sideways = _orientation(image) in _SIDEWAYS
+            return PictureSize(image.size, image.size[::-1] if sideways else image.size)
+    except (OSError, ValueError) as error:
+        raise unreadable(path, error) from error
+
+
+def read_picture(
+    path: Path, upright: bool = False
+) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:
+    """Read a colour image as sRGB, and its alpha channel if it has one.
+
+    Args:
+        path: as `read_image`; .heic needs the extra goc[formats].
+        upright: apply the EXIF orientation.
+
+    Raises:
+        FileError: as `read_image`.
+    """
+    image = _decoded(path)
+    if upright:
+        image = ImageOps.exif_transpose(image)
+    if image.mode.startswith("I") or image.mode == "F":
+        return _wide_as_colour(path, image), None
+    if not image.has_transparency_data:
+        return np.array(image.convert("RGB")), None
+    pixels = np.array(image.convert("RGBA"))
+    return np.ascontiguousarray(pixels[..., :3]), np.ascontiguousarray(pixels[..., 3])
+
+
 def read_image(path: Path) -> UInt8[np.ndarray, "h w 3"]:
     """Read a colour image as sRGB. Grey and palette images are expanded, transparency is dropped, 16 bits become 8.
 
     Raises:
         FileError: missing, not an image, damaged, or beyond MAX_PIXELS.
     """
-    image = _decoded(path)
-    if image.mode.startswith("I"):  # 16-bit grey: Pillow would clip it
-        grey = _wide(path, image)
-        return np.repeat((grey >> 8).astype(np.uint8)[..., None], 3, 2)
-    return np.array(image.convert("RGB"))
-
-
-def read_depth(path: Path, units_per_metre: float = MILLIMETRES) -> Float32[np.ndarray, "h w"]:
-    """Read a depth image: a grey PNG, 8 or 16 bits, or a .npy array.
-
-    Args:
-        path: stored values, 0 (or anything not finite or negative) = none.
-        units_per_metre: how many steps of the stored values make a metre.
-
-    Returns:
-        Metres, NaN = none.
-
-    Raises:
-        FileError: missing, damaged, or not a single channel.
-    """
-    values = _read_npy(path) if path.suffix.lower() == ".npy" else _channel(path, "a depth image")
-    with np.errstate(over="ignore", invalid="ignore"):
-        metres = values.astype(np.float32) * np.float32(1.0 / units_per_metre)
-        return np.where(np.isfinite(metres) & (metres > 0), metres, np.float32(np.nan))
+    return read_picture(path)[0]
 
 
 def read_ids(path: Path) -> Int16[np.ndarray, "h w"]:
@@ -75,13 +101,33 @@ def read_ids(path: Path) -> Int16[np.ndarray, "h w"]:
     Raises:
         FileError: missing, damaged, coloured, or ids beyond 32767.
     """
-    stored = _channel(path, "an id image")
+    stored = read_channel(path, "an id image")
+    if stored.dtype.kind == "f":
+        raise FileError(f"{path}: expected an id image, found fractions. Write it as grey PNG.")
     unknown = np.iinfo(stored.dtype).max
     ids = stored.astype(np.int32)
     ids[stored == unknown] = UNLABELLED
     if ids.size and ids.max() > np.iinfo(np.int16).max:
         raise FileError(f"{path}: holds id {ids.max()}, beyond {np.iinfo(np.int16).max}. Number the objects from 1.")
     return ids.astype(np.int16)
+
+
+def read_codes(path: Path) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"] | Int32[np.ndarray, "h w"]:
+    """Read what an id image stores: grey values, palette indices, or colours as r << 16 | g << 8 | b in int32.
+
+    Raises:
+        FileError: missing, damaged, or fractions.
+    """
+    image = _decoded(path)
+    if image.mode in ("RGB", "RGBA", "CMYK", "YCbCr"):
+        red, green, blue = np.moveaxis(np.array(image.convert("RGB")).astype(np.int32), -1, 0)
+        if not (np.array_equal(red, green) and np.array_equal(red, blue)):
+            return red << 16 | green << 8 | blue
+        return red.astype(np.uint8)
+    codes = _grey(path, image, "an id image")
+    if codes.dtype.kind == "f":
+        raise FileError(f"{path}: expected an id image, found fractions. Write it as grey PNG.")
+    return codes
 
 
 def read_normals(path: Path) -> Float32[np.ndarray, "h w 3"]:
@@ -148,6 +194,8 @@ def write_ids(path: Path, ids: Int16[np.ndarray, "h w"]) -> None:
 
 def _opened(path: Path, file: io.BufferedIOBase) -> Image.Image:
     """Header parsed, pixels not yet decoded."""
+    if path.suffix.lower() in _HEIF:
+        return _heif(path, file)
     try:
         image = Image.open(file, formats=_FORMATS)
     except (Image.DecompressionBombError, Image.DecompressionBombWarning) as error:
@@ -176,11 +224,46 @@ def _wide(path: Path, image: Image.Image) -> UInt16[np.ndarray, "h w"]:
     return values.astype(np.uint16)
 
 
-def _channel(path: Path, what: str) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]:
-    """The stored numbers of a grey or palette image; three equal channels count as grey."""
-    image = _decoded(path)
+def _heif(path: Path, file: io.BufferedIOBase) -> Image.Image:
+    """A phone's photograph. The decoder applies the turn that the file asks for, as all programs do."""
+    try:
+        import pi_heif  # pyright: ignore[reportMissingImports]  # an extra
+    except ImportError as error:
+        raise FileError(f"{path}: pi-heif is not installed. pip install 'goc[formats]', or convert to JPEG.") from error
+    try:
+        decoded: Any = pi_heif.open_heif(file, convert_hdr_to_8bit=True)
+        return decoded.to_pillow()
+    except Exception as error:  # libheif's own errors
+        raise FileError(f"{path}: not a readable HEIC image ({brief(error)}). Copy or write it again.") from error
+
+
+def _orientation(image: Image.Image) -> int:
+    try:
+        return image.getexif().get(_ORIENTATION, 1)
+    except Exception:  # damaged EXIF is no reason to refuse the pixels
+        return 1
+
+
+def _wide_as_colour(path: Path, image: Image.Image) -> UInt8[np.ndarray, "h w 3"]:
+    """16-bit grey, which Pillow would clip."""
+    grey = _wide(path, image)
+    return np.repeat((grey >> 8).astype(np.uint8)[..., None], 3, 2)
+
+
+def read_channel(path: Path, what: str) -> Shaped[np.ndarray, "h w"]:
+    """The stored numbers of a grey or palette image: uint8, uint16, or float32 of a TIFF; equal channels are grey.
+
+    Raises:
+        FileError: missing, damaged, or coloured.
+    """
+    return _grey(path, _decoded(path), what)
+
+
+def _grey(path: Path, image: Image.Image, what: str) -> Shaped[np.ndarray, "h w"]:
     if image.mode.startswith("I"):
         return _wide(path, image)
+    if image.mode == "F":
+        return np.asarray(image, np.float32)
     values = np.array(image).astype(np.uint8)  # mode 1 comes as bool, P as palette indices
     if image.mode in ("1", "L", "P"):
         return values
@@ -188,17 +271,3 @@ def _channel(path: Path, what: str) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndar
     if image.mode not in ("LA", "PA", "RGB", "RGBA") or (colour != colour[..., :1]).any():
         raise FileError(f"{path}: expected {what} with one channel, found {image.mode} colours. Write it as grey PNG.")
     return np.ascontiguousarray(colour[..., 0])
-
-
-def _read_npy(path: Path) -> Shaped[np.ndarray, "h w"]:
-    try:
-        values = np.lib.format.open_memmap(path, mode="r")  # no pickles; checks the shape against the file's size
-    except OSError as error:
-        raise unreadable(path, error) from error
-    except Exception as error:  # its header parser raises whatever Python's does
-        raise FileError(f"{path}: not a readable .npy file ({brief(error)}). Write it again.") from error
-    if values.dtype.kind not in "uif" or values.ndim not in (2, 3) or values.ndim == 3 and values.shape[2] != 1:
-        raise FileError(
-            f"{path}: expected an array (h w) of numbers, found {values.shape} {values.dtype}. Write it again."
-        )
-    return np.array(values).reshape(values.shape[:2])

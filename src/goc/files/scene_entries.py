@@ -33,6 +33,8 @@ class WorldEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_field
     metric: bool
     level_from_world: Matrix
     """From the capture's world to metres, right-handed, z up, floor at z = 0. It follows from the other fields."""
+    offset: Vector = (0.0, 0.0, 0.0)
+    """Positions in the capture's files are those of the capture's world here plus this."""
 
 
 class CameraEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -103,6 +105,7 @@ def entry_of(scene: Scene) -> SceneEntry:
             units_per_metre=float(scene.world.units_per_metre),
             metric=scene.world.metric,
             level_from_world=matrix_of(scene.world.level_from_world),
+            offset=scene.world.offset,
         ),
         objects=[_object_entry(item) for item in scene.objects],
         cameras=[_camera_entry(name, camera) for name, camera in scene.cameras.items()],
@@ -124,6 +127,7 @@ def world_of(entry: WorldEntry) -> World:
         confidence=entry.confidence,
         units_per_metre=entry.units_per_metre,
         metric=entry.metric,
+        offset=entry.offset,
     )
 
 

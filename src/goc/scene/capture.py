@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Protocol, runtime_checkable
 
 import numpy as np
-from jaxtyping import Float, Float32, Float64, Int16, UInt8
+from jaxtyping import Bool, Float, Float32, Float64, Int16, UInt8
 from torch import Tensor
 
 from goc.scene.camera import Camera
@@ -35,6 +35,9 @@ class Frame:
     """Unit, camera axes, towards the camera (z < 0); NaN = none."""
     ids: Int16[Tensor, "h w"] | None = None
     """0 = room, 1… = objects, UNLABELLED (-1) = unknown."""
+    valid: Bool[Tensor, "h w"] | None = None
+    """Where the photograph shows the scene; elsewhere (masked, transparent) no colour, depth or id counts. None:
+    everywhere."""
 
 
 @runtime_checkable
@@ -102,6 +105,8 @@ class Capture:
     files: a depth image of 1000 units per metre holds millimetres."""
     metric: bool = True
     """Whether the unit is known to be the metre, not guessed."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """What was taken off all positions, scene units: plus this, they are those of the files."""
 
     @property
     def has_metric_depth(self) -> bool:

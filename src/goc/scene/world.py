@@ -20,6 +20,8 @@ class World:
     """Scene units in one metre."""
     metric: bool
     """units_per_metre is known, not guessed."""
+    offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Positions in the capture's files are those of this world plus this, scene units."""
 
     @property
     def level_from_world(self) -> Float64[np.ndarray, "4 4"]:
