@@ -46,10 +46,10 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     offset = offset_of([view.world_from_cam for view in views])
     views = without_offset(source.path, views, offset, notify)
     cameras = _cameras(source, views, config)
+    metric = measured if source.metric is None else source.metric
     units_per_metre = config.units_per_metre
     if units_per_metre is None:
-        known = measured or source.metric
-        units_per_metre = 1.0 if known else guess_units_per_metre([view.world_from_cam for view in views])
+        units_per_metre = 1.0 if metric else guess_units_per_metre([view.world_from_cam for view in views])
     return Capture(
         cameras=cameras,
         view_names=tuple(view.name for view in views),
@@ -60,7 +60,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         points=points_without(source.points, offset),
         id_names=source.id_names if config.use_ids else {},
         units_per_metre=units_per_metre,
-        metric=measured or source.metric or config.units_per_metre is not None,
+        metric=metric or config.units_per_metre is not None,
         offset=offset,
     )
 

@@ -1,14 +1,20 @@
 """The intrinsics of a transforms.json, from the top of the file and from a frame."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from goc.capture.source import Lens, shown
+from goc.capture.source import Lens, equirectangular, shown
 from goc.files import image_size
 
-_PERSPECTIVE = ("OPENCV", "PINHOLE", "RADIAL", "SIMPLE_PINHOLE", "SIMPLE_RADIAL")
+_PERSPECTIVE = ("OPENCV", "PINHOLE", "RADIAL", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "FULL_OPENCV")
+_FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "THIN_PRISM_FISHEYE")
+_PANORAMA = "EQUIRECTANGULAR"
+_LISTED = ("k1", "k2", "k3", "k4", "p1", "p2")
+"""Order of nerfstudio's distortion_params; OpenCV's own is k1 k2 p1 p2 k3."""
 _LARGEST_SIDE = 1 << 16
 
 
@@ -33,8 +39,14 @@ class Intrinsics(msgspec.Struct, kw_only=True):
     k2: float | None = None
     k3: float | None = None
     k4: float | None = None
+    k5: float | None = None
+    k6: float | None = None
     p1: float | None = None
     p2: float | None = None
+    sx1: float | None = None
+    sy1: float | None = None
+    distortion_params: list[float] | None = None
+    fisheye_crop_radius: float | None = None
 
 
 def lens_of(shared: Intrinsics, own: Intrinsics, image: Path | None) -> Lens:
@@ -50,19 +62,34 @@ def lens_of(shared: Intrinsics, own: Intrinsics, image: Path | None) -> Lens:
         FileError: the image's header is damaged.
     """
     given = _merged(shared, own)
-    if given.is_fisheye or (given.camera_model is not None and given.camera_model not in _PERSPECTIVE):
-        named = "with is_fisheye" if given.is_fisheye else shown(given.camera_model or "")
-        remedy = f"Undistort the images first, or use one of {', '.join(_PERSPECTIVE)}."
-        raise LensError(f"camera model {named} is not supported. {remedy}")
+    model = "OPENCV_FISHEYE" if given.is_fisheye else given.camera_model or "OPENCV"
+    if model not in (*_PERSPECTIVE, *_FISHEYE, _PANORAMA):
+        known = ", ".join((*_PERSPECTIVE, *_FISHEYE, _PANORAMA))
+        raise LensError(f"camera model {shown(model)} is not supported. Undistort the images first, or use {known}.")
     width, height = _size(given, image)
-    return Lens(
-        width,
-        height,
-        _focal(given, width, height),
-        _centre(given, width, height),
-        radial=(given.k1 or 0.0, given.k2 or 0.0, given.k3 or 0.0, given.k4 or 0.0),
-        tangential=(given.p1 or 0.0, given.p2 or 0.0),
-    )
+    if model == _PANORAMA:
+        return equirectangular(width, height)
+    focal, centre = _focal(given, width, height), _centre(given, width, height)
+    return replace(Lens(width, height, focal, centre), **_distortion(model, given))
+
+
+def _distortion(model: str, given: Intrinsics) -> dict[str, Any]:
+    """Fields of `Lens` that its focal lengths and centre leave open."""
+    k1, k2, k3, k4, k5, k6 = (getattr(given, name) or 0.0 for name in ("k1", "k2", "k3", "k4", "k5", "k6"))
+    tangential = (given.p1 or 0.0, given.p2 or 0.0)
+    if not all(math.isfinite(number) for number in (k1, k2, k3, k4, k5, k6, *tangential)):
+        raise LensError("distortion coefficients are not finite. Correct them.")
+    if model == "FULL_OPENCV":
+        return {"radial": (k1, k2, k3), "denominator": (k4, k5, k6), "tangential": tangential}
+    if k5 or k6:
+        raise LensError(f"k5 and k6 have no meaning in camera model {model}. Use FULL_OPENCV, or leave them out.")
+    if model not in _FISHEYE:
+        return {"radial": (k1, k2, k3, k4), "tangential": tangential}
+    circle = given.fisheye_crop_radius if given.fisheye_crop_radius and given.fisheye_crop_radius > 0 else None
+    bent: dict[str, Any] = {"projection": "fisheye", "radial": (k1, k2, k3, k4), "circle_px": circle}
+    if model == "THIN_PRISM_FISHEYE":
+        bent |= {"tangential": tangential, "prism": (given.sx1 or 0.0, 0.0, given.sy1 or 0.0, 0.0)}
+    return bent
 
 
 def _merged(shared: Intrinsics, own: Intrinsics) -> Intrinsics:
@@ -70,6 +97,15 @@ def _merged(shared: Intrinsics, own: Intrinsics) -> Intrinsics:
     for name in Intrinsics.__struct_fields__:
         value = getattr(own, name)
         values[name] = getattr(shared, name) if value is None else value
+    listed = values["distortion_params"]
+    if listed:
+        if len(listed) > len(_LISTED):
+            order = " ".join(_LISTED)
+            raise LensError(f"distortion_params has {len(listed)} numbers. Give at most six: {order}.")
+        for name, number in zip(_LISTED, listed, strict=False):
+            if values[name] is not None and values[name] != number:
+                raise LensError(f"{name} is {values[name]:g}, but {number:g} in distortion_params. Keep one of them.")
+            values[name] = number
     return Intrinsics(**values)
 
 

@@ -17,7 +17,7 @@ def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listen
     """Read a folder of posed images; images are decoded later, when asked for.
 
     Args:
-        path: a folder with transforms.json, such a file itself (transforms_sparse.json), or an RGB-D folder.
+        path: a folder of any format of FORMATS, or a transforms file itself (transforms_sparse.json).
         config: default settings if None.
         notify: hears of everything that was left out.
 
@@ -52,7 +52,7 @@ def _hint(names: list[str]) -> str:
     if others:
         return f" Give the file itself, such as {others[0]}."
     if "sparse/" in names:
-        return " COLMAP models are not read: convert it first (ns-process-data, colmap2nerf)."
+        return " sparse/ lacks cameras or images, .bin or .txt: copy the whole COLMAP model."
     if "color/" in names:
         return " Single views without pose/ cannot be carved."
     return " Photographs without poses need structure from motion first (COLMAP, ns-process-data)."

@@ -100,8 +100,8 @@ class Source:
     id_codes: IdCodes = IdCodes()
     id_names: dict[int, str] = field(default_factory=dict)
     points: PointCloud | FarPoints | None = None
-    metric: bool = False
-    """The poses are known to be in metres although no depth says so."""
+    metric: bool | None = None
+    """Whether the poses are known to be in metres. None: where there is metric depth."""
 
 
 def complain(where: Path | str, culprits: Sequence[str], total: int, what: str, remedy: str) -> CaptureError:

@@ -12,6 +12,7 @@ from goc.cli.arguments import parse
 from goc.cli.progress import shown_progress
 from goc.errors import ConfigError
 from goc.synth.captures import RoomConfig, make_room_capture
+from goc.synth.export import EXPORTERS, export_room
 from goc.synth.sensor import MODELS, Faults, Lidar, MonocularDepth, SensorConfig, StructuredLight, degrade_capture
 
 _DESCRIPTION = """Make captures with complete ground truth. `goc synth COMMAND --help` tells all settings."""
@@ -39,6 +40,17 @@ examples:
   goc synth sensor in out --model phone --image.blur-px 3
   goc synth sensor in out --pose.rotation-deg 0.3 --masks 0.1
   goc synth sensor in out --model kinect --kinect.jitter-px 0"""
+
+_EXPORT = f"""Write a synthetic room in a format of other programs, to try a reader, or a converter of yours.
+
+What is read back has the same cameras, depth and ids, as far as the format holds them.
+
+formats:
+{chr(10).join(f"  {name:20s}{exporter.writes}" for name, exporter in EXPORTERS.items())}
+
+examples:
+  goc synth export rooms/0 --format colmap --out as-colmap
+  goc synth export rooms/0 --format nerfstudio-fisheye --out as-fisheye"""
 
 _BENCHMARK_ROOM = RoomConfig(views=170, sparse_views=50, width=384, height=384, objects=10, images="jpg")
 
@@ -80,9 +92,22 @@ class Sensor(Faults):
         return SensorConfig(depth=depth, **{item.name: getattr(self, item.name) for item in fields(Faults)})
 
 
+@dataclass(frozen=True, kw_only=True)
+class Export:
+    """Write a synthetic room in another format."""
+
+    source: Annotated[Path, tyro.conf.arg(metavar="ROOM"), tyro.conf.Positional]
+    """Folder that goc synth room wrote, or one transforms file of it."""
+    out: Annotated[Path, tyro.conf.arg(metavar="DIR")]
+    """Folder for the copy: new or empty."""
+    format: Annotated[str, tyro.conf.arg(metavar="NAME")]
+    """Which format: see above."""
+
+
 Command = (
     Annotated[Room, tyro.conf.subcommand("room", description=_ROOM)]
     | Annotated[Sensor, tyro.conf.subcommand("sensor", description=_SENSOR)]
+    | Annotated[Export, tyro.conf.subcommand("export", description=_EXPORT)]
 )
 
 
@@ -93,6 +118,10 @@ def main(words: Sequence[str]) -> int:
             return _photograph(arguments)
         case Sensor() as arguments:
             return _degrade(arguments)
+        case Export() as arguments:
+            export_room(arguments.source, arguments.format, arguments.out)
+            sys.stdout.write(f"The room is {arguments.out}; carve it: goc carve {arguments.out} --out carved\n")
+            return 0
 
 
 def _photograph(arguments: Room) -> int:

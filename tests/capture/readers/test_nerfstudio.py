@@ -13,6 +13,7 @@ from goc.capture.source import Lens
 from goc.errors import CaptureError, FileError
 from goc.files import write_depth, write_ids, write_png
 from goc.geometry.normals import normals_from_depth
+from goc.scene import UNLABELLED
 
 
 def edit(folder, change):
@@ -249,11 +250,35 @@ def test_monocular_depth_is_kept_as_stored_and_measures_nothing(tmp_path, kind):
         load_capture(tmp_path)
 
 
-def test_masks_that_are_not_used_are_mentioned(tmp_path):
+def test_a_mask_takes_colour_depth_and_ids_away(tmp_path):
+    def change(document):
+        document["frames"][0]["mask_path"] = "masks/0.png"
+
+    write_nerfstudio(tmp_path, views=2, change=change)
+    plain = np.full((24, 32), 255, np.uint8)  # half the size of the images
+    plain[:, :8] = 0
+    write_png(tmp_path / "masks" / "0.png", plain)
+    masked, whole = load_capture(tmp_path)
+    assert whole.valid is None
+    assert torch.equal(masked.valid, torch.arange(64).expand(48, 64) >= 17)  # one column mixes both
+    assert masked.depth[:, :16].isnan().all() and (masked.ids[:, :16] == UNLABELLED).all()
+    assert masked.depth[:, 17:].isfinite().all() and (masked.ids[:, 17:] >= 0).all()
+    (tmp_path / "masks" / "0.png").unlink()
+    with pytest.raises(CaptureError, match=r"1 of 1 masks are missing .* or pass --capture\.allow-missing\.$"):
+        load_capture(tmp_path)
+
+
+def test_keys_that_are_not_understood_are_named(tmp_path):
     heard = []
-    write_nerfstudio(tmp_path, views=2, change=lambda document: document["frames"][0].update(mask_path="m.png"))
+
+    def change(document):
+        document |= {"ftheta_p0": 1.0, "aabb_scale": 4}
+        document["frames"][0]["segmentation"] = "x.png"
+
+    write_nerfstudio(tmp_path, views=2, change=change)
     load_capture(tmp_path, notify=heard.append)
-    assert [event.message for event in heard] == ["mask_path of 1 frames is not used"]
+    expected = "transforms.json: keys that are not understood: ftheta_p0, frames: segmentation"
+    assert [event.message for event in heard] == [expected]
 
 
 def first_frame(**changes):
@@ -293,11 +318,13 @@ def mirrored(document):
         (lambda d: d.update(w=64.5), r"w and h are 64\.5 and 48"),
         (lambda d: d.update(w=0), "w and h are 0 and 48"),
         (
-            lambda d: d.update(camera_model="OPENCV_FISHEYE"),
-            "camera model OPENCV_FISHEYE is not supported. Undistort the images",
+            lambda d: d.update(camera_model="ORTHOPHOTO"),
+            "camera model ORTHOPHOTO is not supported. Undistort the images",
         ),
-        (lambda d: d.update(camera_model="EQUIRECTANGULAR"), "camera model EQUIRECTANGULAR is not supported"),
-        (lambda d: d.update(is_fisheye=True), "camera model with is_fisheye is not supported"),
+        (lambda d: d.update(k5=0.1), "k5 and k6 have no meaning in camera model OPENCV"),
+        (lambda d: d.update(distortion_params=[0.1]), "k1 is 0, but 0.1 in distortion_params"),
+        (lambda d: d.update(distortion_params=[0.0] * 7), "distortion_params has 7 numbers. Give at most six"),
+        (lambda d: d.update(integer_depth_scale=-1, depth_unit_scale_factor=None), "integer_depth_scale is -1"),
         (lambda d: d.update(depth_unit_scale_factor=0), "depth_unit_scale_factor is 0"),
         (lambda d: d.update(k1=-5.0), r"distortion \(-5\.0.* leaves next to nothing of the image\. Check k1 to k4"),
         (lambda d: d.update(k1=1e300, k2=1e300), "leaves next to nothing of the image"),

@@ -1,8 +1,8 @@
 """One reader a format, chosen by what lies in a folder; FORMATS lists them in the order in which they are tried."""
 
-from goc.capture.readers import nerfstudio, rgbd
+from goc.capture.readers import colmap, nerfstudio, rgbd
 from goc.capture.readers.reader import Reader
 
-FORMATS: tuple[Reader, ...] = (nerfstudio.READER, rgbd.READER)
+FORMATS: tuple[Reader, ...] = (nerfstudio.READER, colmap.READER, rgbd.READER)
 
 __all__ = ["FORMATS", "Reader"]

@@ -1,0 +1,42 @@
+"""Files that lie beside a capture's images, by name: ids, labels, images without their suffix."""
+
+from pathlib import Path, PurePosixPath
+
+from goc.capture.source import parse_id_names
+from goc.files import is_file, read_json
+
+ID_FOLDERS = ("instance", "instance_mask", "object_mask")
+_SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".heic", ".HEIC", ".webp", ".tif", ".tiff")
+_ID_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
+_SCALED = ("images_2", "images_4", "images_8")
+
+
+def image_named(root: Path, name: str) -> Path:
+    """The image that a file names, in spellings that programs write: `stated` itself where none is there.
+
+    Backslashes of Windows, no suffix, only in images_2 (4, 8), or beside the file although a folder is named.
+    """
+    inner = PurePosixPath(name.replace("\\", "/"))
+    folders = [inner, *(PurePosixPath(folder, *inner.parts[1:]) for folder in _SCALED if len(inner.parts) > 1)]
+    spelled = [*folders, PurePosixPath(inner.name)]
+    for stated in (root / name, *(root / Path(item) for item in spelled)):
+        for candidate in (stated, *(stated.with_name(stated.name + suffix) for suffix in _SUFFIXES if stated.name)):
+            if is_file(candidate):
+                return candidate
+    return root / Path(inner)
+
+
+def ids_beside(root: Path, inner: Path) -> Path | None:
+    """The id image of the same name, but for the suffix, in a folder for ids; or with the image's suffix kept."""
+    for folder in ID_FOLDERS:
+        for suffix in _ID_SUFFIXES:
+            for name in (inner.with_suffix(suffix), inner.with_name(inner.name + suffix)) if inner.name else ():
+                if is_file(root / folder / name):
+                    return root / folder / name
+    return None
+
+
+def names_beside(root: Path) -> dict[int, str]:
+    """Names of ids in labels.json; none where it is absent."""
+    path = root / "labels.json"
+    return parse_id_names(path, read_json(path, dict[str, str])) if is_file(path) else {}
