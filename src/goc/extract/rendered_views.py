@@ -74,5 +74,9 @@ class RenderedFrames:
 
     def __call__(self, index: int) -> Frame:
         """One view."""
-        drawn = self.drawn(index)
-        return replace(self.below(index), depth=drawn.depth, normals=None, ids=drawn.ids)
+        drawn, frame = self.drawn(index), self.below(index)
+        depth, ids = drawn.depth, drawn.ids
+        if frame.valid is not None:  # splats may be anything there: nobody saw it
+            depth = torch.where(frame.valid, depth, torch.nan)
+            ids = None if ids is None else ids.masked_fill(~frame.valid, UNLABELLED)
+        return replace(frame, depth=depth, normals=None, ids=ids)

@@ -146,7 +146,8 @@ def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str
     for done, view in enumerate(views, 1):
         frame = capture[view]
         shown = render(gaussians, frame.camera)
-        error = (shown.colour.cpu() - frame.image.float() / 255.0).square().mean().clamp_min(1e-10)
+        squares = (shown.colour.cpu() - frame.image.float() / 255.0).square()
+        error = (squares if frame.valid is None else squares[frame.valid]).mean().clamp_min(1e-10)
         psnrs.append(-10.0 * math.log10(error.item()))
         if frame.depth is not None and capture.has_metric_depth:
             difference = (shown.plane_depth.cpu() - frame.depth).abs()

@@ -138,9 +138,13 @@ def _from_stereo(capture: Capture, views: list[int], config: ReconstructConfig, 
 
 def _of_stereo(capture: Capture, view: int, found: CoarseDepth, step: int, opacity: float) -> _Points:
     """Every `step`-th pixel of a coarse depth map that has depth and a normal."""
-    size = (found.camera.height, found.camera.width)
-    image = torch.nn.functional.interpolate(capture[view].image.float().permute(2, 0, 1)[None], size, mode="area")[0]
-    frame = Frame(camera=found.camera, image=image.permute(1, 2, 0).round().byte(), depth=found.depth)
+    size, seen = (found.camera.height, found.camera.width), capture[view]
+    image = torch.nn.functional.interpolate(seen.image.float().permute(2, 0, 1)[None], size, mode="area")[0]
+    depth = found.depth
+    if seen.valid is not None:
+        shown = torch.nn.functional.interpolate(seen.valid[None, None].float(), size, mode="area")[0, 0] == 1
+        depth = torch.where(shown, depth, torch.nan)
+    frame = Frame(camera=found.camera, image=image.permute(1, 2, 0).round().byte(), depth=depth)
     pixels = torch.arange((view * 7919) % step, size[0] * size[1], step)  # another phase in each view
     return _of_frame(frame, pixels, opacity)
 
@@ -224,15 +228,14 @@ def _from_box(capture: Capture, views: list[int], count: int, generator: torch.G
         near, far = 0.5 * capture.units_per_metre, 8.0 * capture.units_per_metre
         depth = 1.0 / (1.0 / far + torch.rand(each, generator=generator) * (1.0 / near - 1.0 / far))
         directions = frame.camera.rays().reshape(-1, 3)[pixels] * depth[:, None]
-        found.append(
-            _Points(
-                positions=frame.camera.in_world(directions),
-                colours=frame.image.reshape(-1, 3)[pixels].float() / 255.0,
-                normals=torch.zeros(each, 3),
-                detail=torch.zeros(each),
-                opacity=torch.full((each,), 0.1),
-            )
+        points = _Points(
+            positions=frame.camera.in_world(directions),
+            colours=frame.image.reshape(-1, 3)[pixels].float() / 255.0,
+            normals=torch.zeros(each, 3),
+            detail=torch.zeros(each),
+            opacity=torch.full((each,), 0.1),
         )
+        found.append(points if frame.valid is None else points[frame.valid.reshape(-1)[pixels]])
     return _joined(found)
 
 

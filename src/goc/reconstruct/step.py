@@ -101,7 +101,8 @@ class TrainingStep:
         if state.step % weights.identity_every:  # a step without L_o needs no features
             gaussians = replace(gaussians, identity=None)
         shown = blend_views(gaussians, views, task.config.depth == "plane", task.engine)
-        loss, error = photometric_loss(shown.colour, stacked([item.image for item in batch]), weights.ssim)
+        colour = _where_valid(shown.colour, batch)
+        loss, error = photometric_loss(colour, stacked([item.image for item in batch]), weights.ssim)
         depth = rendered_depth(shown.geometry, shown.alpha, views)
         apart = depth.apart()
         if weights.depth or weights.depth_normal:
@@ -133,6 +134,17 @@ class TrainingStep:
         picked = features[:, :, *grid].flatten(2).transpose(1, 2)
         logits = classify(picked.flatten(0, 1), state.shared)
         return identity_loss(logits.view(*ids.shape, -1), classes_of(ids, self._known))
+
+
+def _where_valid(colour: Float[Tensor, "v 3 h w"], batch: list[TrainingView]) -> Float[Tensor, "v 3 h w"]:
+    """Blended colours; where a photograph shows nothing, its own, so that they differ in nothing."""
+    if all(item.valid is None for item in batch):
+        return colour
+    parts = []
+    for one, item in zip(colour, batch, strict=True):
+        photo = item.image.permute(2, 0, 1).to(one.dtype) / 255.0
+        parts.append(one if item.valid is None else torch.where(item.valid, one, photo))
+    return torch.stack(parts)
 
 
 def _drawn_together(batch: list[TrainingView], one_by_one: bool) -> list[list[TrainingView]]:

@@ -5,7 +5,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
 
 import torch
-from jaxtyping import Int16, UInt8
+from jaxtyping import Bool, Int16, UInt8
 from torch import Tensor
 
 from goc.device import CPU
@@ -30,6 +30,8 @@ class TrainingView:
     """The camera of this view, as one view."""
     image: UInt8[Tensor, "h w 3"]
     ids: Int16[Tensor, "h w"] | None
+    valid: Bool[Tensor, "h w"] | None
+    """Where the colour counts; None: everywhere."""
     prior: GeometryPrior | None
     """Depth and normals to compare with; None where the view has none, or where they are made later (`waits`)."""
     waits: bool
@@ -58,9 +60,8 @@ class HostViews:
         frame = self._task.capture[view]
         if view not in self._posed:
             self._posed[view] = views_of([frame.camera], CPU)
-        return TrainingView(
-            index=view, views=self._posed[view], image=frame.image, ids=frame.ids, prior=None, waits=True
-        )
+        images = {"image": frame.image, "ids": frame.ids, "valid": frame.valid}
+        return TrainingView(index=view, views=self._posed[view], **images, prior=None, waits=True)
 
     def prefetch(self, wanted: Sequence[int], remembered: dict[str, Tensor]) -> None:
         """Do nothing: the capture decodes views when they are asked for."""
@@ -141,6 +142,7 @@ class UploadedViews:
             views=replace(seen, **matrices),
             image=self._copied(frame.image),
             ids=self._copied(frame.ids) if self._task.names and frame.ids is not None else None,
+            valid=None if frame.valid is None else self._copied(frame.valid),
             prior=prior,
             waits=waits,
         )
@@ -162,7 +164,7 @@ class UploadedViews:
 
 def _tensors(view: TrainingView) -> list[Tensor]:
     priors = (None, None) if view.prior is None else (view.prior.depth, view.prior.normals)
-    images = (view.image, view.ids, *priors, view.views.cam_from_world, view.views.intrinsics)
+    images = (view.image, view.ids, view.valid, *priors, view.views.cam_from_world, view.views.intrinsics)
     return [image for image in images if image is not None]
 
 
