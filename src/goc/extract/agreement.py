@@ -46,7 +46,7 @@ def depth_gaps(
         smallest gap to any of the four. Both NaN outside of the frame and where the view has no depth.
     """
     flat = points.reshape(-1, 3).float().contiguous().numpy()
-    between, nearest = np.empty((2, len(flat)), np.float32)
+    between, nearest = np.zeros((2, len(flat)), np.float32)
     seen = depth.float().contiguous().numpy()
     _native.depth_gaps(flat, native_camera(camera), seen, _ONE_SURFACE, between, nearest)
     shape = points.shape[:-1]
