@@ -8,6 +8,7 @@ from goc.files import is_file, read_json
 ID_FOLDERS = ("instance", "instance_mask", "object_mask")
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".heic", ".HEIC", ".webp", ".tif", ".tiff")
 _ID_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
+_NO_PHOTOGRAPHS = {*ID_FOLDERS, "masks", "mask", "depth", "depths", "normals", "normal"}
 _SCALED = ("images_2", "images_4", "images_8")
 
 
@@ -24,6 +25,18 @@ def image_named(root: Path, name: str) -> Path:
             if is_file(candidate):
                 return candidate
     return root / Path(inner)
+
+
+def photographs(root: Path) -> dict[str, Path]:
+    """Images below a folder (three levels) by name, and by name without suffix; folders for ids and masks are not."""
+    found: dict[str, Path] = {}
+    patterns = ("images/**/*", "*", "*/*", "*/*/*")
+    for file in (file for pattern in patterns for file in sorted(root.glob(pattern))):
+        first = file.relative_to(root).parts[0]
+        if file.suffix in _SUFFIXES and first not in _NO_PHOTOGRAPHS and is_file(file):
+            found.setdefault(file.name, file)
+            found.setdefault(file.stem, file)
+    return found
 
 
 def ids_beside(root: Path, inner: Path) -> Path | None:

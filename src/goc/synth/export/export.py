@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from goc.errors import ConfigError
-from goc.synth.export import colmap, instant_ngp, nerfstudio
+from goc.synth.export import colmap, instant_ngp, metashape, nerfstudio, realitycapture
 from goc.synth.export.exporter import Exporter
 from goc.synth.export.room import read_room
 from goc.synth.folders import check_new
@@ -15,6 +15,8 @@ _ALL: tuple[Exporter, ...] = (
     instant_ngp.BLENDER,
     colmap.BINARY,
     colmap.TEXT,
+    metashape.EXPORTER,
+    realitycapture.EXPORTER,
 )
 EXPORTERS: dict[str, Exporter] = {exporter.name: exporter for exporter in _ALL}
 """By name, in the order in which help lists them."""
