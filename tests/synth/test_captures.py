@@ -9,8 +9,9 @@ from goc import _native
 from goc.capture.load import load_capture
 from goc.errors import ConfigError, ExportError
 from goc.events import Progress
-from goc.files.images import read_depth, read_ids, read_image
+from goc.files.images import read_ids, read_image
 from goc.files.meshes import read_mesh
+from goc.files.rasters import read_depth
 from goc.synth.captures import RoomConfig, make_room_capture
 from oracles import raycast as oracle
 

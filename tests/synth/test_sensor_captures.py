@@ -7,7 +7,8 @@ import pytest
 from goc.capture.load import load_capture
 from goc.cli import main
 from goc.errors import CaptureError, ConfigError, ExportError, FileError
-from goc.files.images import read_depth, read_ids, read_image
+from goc.files.images import read_ids, read_image
+from goc.files.rasters import read_depth
 from goc.synth.sensor import (
     ImageFaults,
     MonocularDepth,
