@@ -27,7 +27,18 @@ from goc.files import (
     write_tensors,
 )
 from goc.files.layout import run_files
-from goc.scene import Contact, EvidenceGrid, FlaggedMesh, Gaussians, HalfSpace, Mesh, Scene, SceneObject, World
+from goc.scene import (
+    Completed,
+    Contact,
+    EvidenceGrid,
+    FlaggedMesh,
+    Gaussians,
+    HalfSpace,
+    Mesh,
+    Scene,
+    SceneObject,
+    World,
+)
 
 FILES = {
     "scene.json",
@@ -99,6 +110,7 @@ def random_scene(seed, parts):
                 evidence=random_grid(random) if "evidence" in own else None,
                 contact=random_contact(random) if "contact" in own else None,
                 walls=tuple(random_plane(random) for _ in range(2)) if "contact" in own else (),
+                completed=random_completed(random) if "solid" in own else None,
             )
         )
     return Scene(
@@ -122,6 +134,11 @@ def random_scene(seed, parts):
 def random_plane(random):
     normal = random.normal(size=3)
     return HalfSpace(normal=normal / np.linalg.norm(normal), offset=float(random.normal()))
+
+
+def random_completed(random):
+    error = float(random.random()) if random.random() < 0.5 else None
+    return Completed(method="convex hull", expected_error=error, trusted=bool(random.random() < 0.5))
 
 
 def random_contact(random):

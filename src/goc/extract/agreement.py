@@ -14,7 +14,7 @@ from goc.geometry.native_camera import native_camera
 from goc.geometry.parallax import parallax_views
 from goc.scene import Camera, Capture
 
-_ONE_SURFACE = 0.03
+ONE_SURFACE = 0.03
 """Neighbouring pixels whose depths differ by a smaller share lie on one surface."""
 _COMPARABLE = 0.05
 """Gaps below this share of the depth are noise; beyond, one view sees another surface."""
@@ -48,7 +48,7 @@ def depth_gaps(
     flat = points.reshape(-1, 3).float().contiguous().numpy()
     between, nearest = np.zeros((2, len(flat)), np.float32)
     seen = depth.float().contiguous().numpy()
-    _native.depth_gaps(flat, native_camera(camera), seen, _ONE_SURFACE, between, nearest)
+    _native.depth_gaps(flat, native_camera(camera), seen, ONE_SURFACE, between, nearest)
     shape = points.shape[:-1]
     return torch.from_numpy(between).reshape(shape), torch.from_numpy(nearest).reshape(shape)
 

@@ -4,15 +4,23 @@ import itertools
 from dataclasses import dataclass, replace
 
 import torch
-from jaxtyping import Bool, Float, Int16
+from jaxtyping import Bool, Float
 from torch import Tensor
 
 from goc.events import Listener, Progress, ignore
-from goc.extract.agreement import comparable_views, depth_gaps, measured_noise, typical_depth, view_gaps
+from goc.extract.agreement import (
+    ONE_SURFACE,
+    comparable_views,
+    depth_gaps,
+    measured_noise,
+    typical_depth,
+    view_gaps,
+)
+from goc.extract.rendered_views import DepthAndIds, RenderedFrames
 from goc.fusion.detail import DepthNoise
 from goc.scene import Camera
 from goc.scene.cache import ViewCache
-from goc.scene.capture import Capture, Frame, FrameSource
+from goc.scene.capture import Capture, FrameSource
 
 _KEPT_BYTES = 512 * 2**20
 """Chosen depth kept, all views together."""
@@ -22,8 +30,6 @@ _SURE = 3.0
 """Gaps above this many standard deviations are more than noise."""
 _THROUGH = 0.02
 """Least share of the depth by which a view that sees through a surface sees past it: thin things are between pixels."""
-_ONE_SURFACE = 0.03
-"""Depths that differ by a smaller share are of one surface."""
 _DRIFTING, _DRIFT = 4.0, 0.004
 """A view whose depth disagrees by so many times the capture's noise, and by this share of the depth, is not used."""
 _FEWEST = 200
@@ -97,7 +103,7 @@ def measured_views(capture: Capture, shown: Capture, notify: Listener = ignore) 
         drifting=drifting,
         blur=edge_blur(capture, shown),
     )
-    frames = ChosenFrames(below=shown.frames, chosen=ViewCache(choice, _KEPT_BYTES))
+    frames = RenderedFrames(below=shown.frames, drawn=ViewCache(choice, _KEPT_BYTES))
     metrics = {
         "given_depth_noise_m": float(noise.at(torch.tensor(typical_depth(capture)))) / capture.units_per_metre,
         "given_depth_views_left_out": float(len(drifting)),
@@ -161,15 +167,6 @@ def _depth_error(errors: Float[Tensor, "p"]) -> DepthError:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ChosenDepth:
-    """What one view says of depth."""
-
-    depth: Float[Tensor, "h w"]
-    """z, scene units; NaN where there is none."""
-    ids: Int16[Tensor, "h w"] | None
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
 class DepthChoice:
     """Chooses the depth of a view, and the ids that belong to it."""
 
@@ -183,14 +180,14 @@ class DepthChoice:
     blur: int
     """How far from the splats' edges given depth is not used, pixels."""
 
-    def __call__(self, index: int) -> ChosenDepth:
+    def __call__(self, index: int) -> DepthAndIds:
         """One view's."""
         drawn, given = self.shown(index), self._given(index)
         shown = drawn.depth
         if shown is None:
             raise TypeError("the splats' views have depth")
         if given is None:
-            return ChosenDepth(depth=shown, ids=drawn.ids)
+            return DepthAndIds(depth=shown, ids=drawn.ids)
         sigma = self.noise.at(given)
         trusted = given.isfinite() & self._unopposed(index, given, sigma)
         if self.blur:
@@ -200,9 +197,9 @@ class DepthChoice:
             given = averaged(given, shown, trusted, _SURE * sigma)
         ids, own = drawn.ids, self.given(index).ids
         if ids is not None and own is not None:
-            same = (given - shown).abs() < _ONE_SURFACE * given
+            same = (given - shown).abs() < ONE_SURFACE * given
             ids = torch.where(trusted & ~same, own, ids)  # the splats' id is that of another surface
-        return ChosenDepth(depth=torch.where(trusted, given, shown), ids=ids)
+        return DepthAndIds(depth=torch.where(trusted, given, shown), ids=ids)
 
     def _given(self, index: int) -> Float[Tensor, "h w"] | None:
         depth = None if index in self.drifting else self.given(index).depth
@@ -219,19 +216,6 @@ class DepthChoice:
                 _, gap = depth_gaps(points, self.cameras[other], depth)
                 balance += (gap.abs() <= reach).float() - (gap > reach).float()
         return balance >= 0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class ChosenFrames:
-    """The views of another source, with the chosen depth and its ids."""
-
-    below: FrameSource
-    chosen: ViewCache[ChosenDepth]
-
-    def __call__(self, index: int) -> Frame:
-        """One view."""
-        chosen = self.chosen(index)
-        return replace(self.below(index), depth=chosen.depth, ids=chosen.ids)
 
 
 def averaged(

@@ -41,10 +41,10 @@ def rendered_views(reconstruction: Reconstruction, capture: Capture, device: tor
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DepthAndIds:
-    """What the splats show in one view, on the processor."""
+    """Depth and ids of one view, on the processor."""
 
     depth: Float[Tensor, "h w"]
-    """z, scene units; NaN where there is more background than splat."""
+    """z, scene units; NaN where there is none."""
     ids: Int16[Tensor, "h w"] | None
 
 
@@ -67,7 +67,7 @@ class SplatImages:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class RenderedFrames:
-    """The photographs of another source, with the depth and ids of splats."""
+    """The photographs of another source, with depth and ids drawn or chosen."""
 
     below: FrameSource
     drawn: ViewCache[DepthAndIds]
@@ -76,7 +76,7 @@ class RenderedFrames:
         """One view."""
         drawn, frame = self.drawn(index), self.below(index)
         depth, ids = drawn.depth, drawn.ids
-        if frame.valid is not None:  # splats may be anything there: nobody saw it
+        if frame.valid is not None:  # nobody saw it: splats may be anything there
             depth = torch.where(frame.valid, depth, torch.nan)
             ids = None if ids is None else ids.masked_fill(~frame.valid, UNLABELLED)
         return replace(frame, depth=depth, normals=None, ids=ids)

@@ -9,7 +9,7 @@ from jaxtyping import Float, Float64
 from torch import Tensor
 
 from goc import __version__
-from goc.scene import Camera, Contact, HalfSpace, Scene, SceneObject, World
+from goc.scene import Camera, Completed, Contact, HalfSpace, Scene, SceneObject, World
 
 VERSION = 1
 """Version of scene.json and the files that it lists. Raise it whenever an older goc would misread them."""
@@ -63,6 +63,14 @@ class ContactEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fie
     confidence: Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 
 
+class CompletedEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """`Completed`."""
+
+    method: str
+    expected_error: float | None
+    trusted: bool
+
+
 class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """One object; four fields say which of its parts have files."""
 
@@ -75,6 +83,7 @@ class ObjectEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
     evidence: bool
     contact: ContactEntry | None = None
     walls: list[PlaneEntry] = []
+    completed: CompletedEntry | None = None
 
 
 class SceneEntry(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -153,7 +162,13 @@ def _object_entry(item: SceneObject) -> ObjectEntry:
         evidence=item.evidence is not None,
         contact=None if item.contact is None else _contact_entry(item.contact),
         walls=[_plane_entry(plane) for plane in item.walls],
+        completed=None if item.completed is None else CompletedEntry(**vars(item.completed)),
     )
+
+
+def completed_of(entry: CompletedEntry) -> Completed:
+    """Convert an entry of scene.json to how an object was closed."""
+    return Completed(method=entry.method, expected_error=entry.expected_error, trusted=entry.trusted)
 
 
 def contact_of(entry: ContactEntry) -> Contact:

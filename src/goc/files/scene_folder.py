@@ -23,6 +23,7 @@ from goc.files.scene_entries import (
     SceneEntry,
     WorldEntry,
     camera_of,
+    completed_of,
     contact_of,
     entry_of,
     plane_of,
@@ -171,6 +172,7 @@ def _read_object(folder: Path, entry: ObjectEntry, splats: Gaussians, labels: In
         solid=_read_surface(own.solid) if entry.solid else None,
         evidence=read_evidence(own.evidence) if entry.evidence else None,
         contact=None if entry.contact is None else contact_of(entry.contact),
+        completed=None if entry.completed is None else completed_of(entry.completed),
         walls=tuple(plane_of(plane) for plane in entry.walls),
     )
 
