@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 from goc.capture.source import StoredDepthKind
-from goc.settings import CountOrNone, Positive, Range, Settings
+from goc.settings import Count, CountOrNone, Positive, Range, Settings
 
 SidePx = Annotated[int, Range(least=16)]
 """Longer side of a view, pixels."""
@@ -26,6 +26,9 @@ class CaptureConfig(Settings):
     as the capture says, else metric."""
     allow_missing: bool = False
     """Leave out views whose image is missing, and missing depth, ids or normals, with a warning instead of an error."""
+    every: Count | None = None
+    """Use every n-th view of a recording. Default: as many as leave at most 400; every view of a folder that somebody
+    made for reconstruction."""
     max_side_px: SidePx = 640
     """Scale views down until the longer side has at most this many pixels."""
     units_per_metre: Positive | None = None

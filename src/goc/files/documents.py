@@ -75,14 +75,19 @@ def as_json(value: object) -> Any:
     return msgspec.json.decode(msgspec.json.encode(value, enc_hook=_plain))
 
 
-def read_matrix(path: Path) -> Float64[np.ndarray, "rows columns"]:
+def read_matrix(path: Path, *, finite: bool = True, limit: int = _MATRIX_LIMIT) -> Float64[np.ndarray, "rows columns"]:
     """Read rows of numbers separated by blanks or commas.
 
+    Args:
+        path: ASCII text.
+        finite: refuse NaN and infinity, by which some formats mark poses that were lost.
+        limit: most bytes to take.
+
     Raises:
-        FileError: missing, not numbers, rows of different length, or a number that is not finite.
+        FileError: missing, too large, not numbers, rows of different length, or a number that is not finite.
     """
     try:
-        lines = read_bytes(path, _MATRIX_LIMIT).decode("ascii").replace(",", " ").splitlines()
+        lines = read_bytes(path, limit).decode("ascii").replace(",", " ").splitlines()
         rows = [[float(word) for word in line.split()] for line in lines if line.split()]
     except ValueError as error:  # UnicodeDecodeError is one
         raise FileError(f"{path}: expected only numbers ({brief(error)}). Write the file again.") from error
@@ -91,7 +96,7 @@ def read_matrix(path: Path) -> Float64[np.ndarray, "rows columns"]:
         found = "nothing" if not rows else f"rows of {' and '.join(map(str, sorted(widths)))} numbers"
         raise FileError(f"{path}: expected a matrix, found {found}. Write the file again.")
     matrix = np.array(rows, np.float64)
-    if not np.isfinite(matrix).all():
+    if finite and not np.isfinite(matrix).all():
         raise FileError(
             f"{path}: {(~np.isfinite(matrix)).sum()} numbers are not finite. Remove this view or correct it."
         )
