@@ -30,12 +30,18 @@ MILLIMETRES = 1000.0
 """Units per metre of depth images as goc writes them."""
 
 
-def image_size(path: Path) -> tuple[int, int]:
+def image_size(path: Path, data: bytes | None = None) -> tuple[int, int]:
     """(width, height) from the header alone.
+
+    Args:
+        path: what to read; with `data`, only a name for errors.
+        data: the file's content, where it lies in an archive.
 
     Raises:
         FileError: missing, not an image, or beyond MAX_PIXELS.
     """
+    if data is not None:
+        return _opened(path, io.BytesIO(data)).size
     try:
         with path.open("rb") as file:
             return _opened(path, file).size
@@ -64,18 +70,19 @@ def picture_size(path: Path) -> PictureSize:
 
 
 def read_picture(
-    path: Path, upright: bool = False
+    path: Path, upright: bool = False, data: bytes | None = None
 ) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:
     """Read a colour image as sRGB, and its alpha channel if it has one.
 
     Args:
         path: as `read_image`; .heic needs the extra goc[formats].
         upright: apply the EXIF orientation.
+        data: the file's content, where it lies in an archive.
 
     Raises:
         FileError: as `read_image`.
     """
-    image = _decoded(path)
+    image = _decoded(path, data)
     if upright:
         image = ImageOps.exif_transpose(image)
     if image.mode.startswith("I") or image.mode == "F":
@@ -112,13 +119,19 @@ def read_ids(path: Path) -> Int16[np.ndarray, "h w"]:
     return ids.astype(np.int16)
 
 
-def read_codes(path: Path) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"] | Int32[np.ndarray, "h w"]:
+def read_codes(
+    path: Path, data: bytes | None = None
+) -> UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"] | Int32[np.ndarray, "h w"]:
     """Read what an id image stores: grey values, palette indices, or colours as r << 16 | g << 8 | b in int32.
+
+    Args:
+        path: what to read; with `data`, only a name for errors.
+        data: the file's content, where it lies in an archive.
 
     Raises:
         FileError: missing, damaged, or fractions.
     """
-    image = _decoded(path)
+    image = _decoded(path, data)
     if image.mode in ("RGB", "RGBA", "CMYK", "YCbCr"):
         red, green, blue = np.moveaxis(np.array(image.convert("RGB")).astype(np.int32), -1, 0)
         if not (np.array_equal(red, green) and np.array_equal(red, blue)):
@@ -208,8 +221,8 @@ def _opened(path: Path, file: io.BufferedIOBase) -> Image.Image:
     return image
 
 
-def _decoded(path: Path) -> Image.Image:
-    image = _opened(path, io.BytesIO(read_bytes(path, _LIMIT)))
+def _decoded(path: Path, data: bytes | None = None) -> Image.Image:
+    image = _opened(path, io.BytesIO(read_bytes(path, _LIMIT) if data is None else data))
     try:
         image.load()
     except Exception as error:  # Pillow raises a dozen types on damaged data

@@ -1,11 +1,10 @@
 """Which instances of a labelled data set are the room, and what the others are called."""
 
-from collections.abc import Callable, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from goc.files import read_ids
+from goc.capture.pixels import Pixels, codes_in
 from goc.scene import ROOM, UNLABELLED
 
 _SAMPLES = 60
@@ -21,8 +20,8 @@ def is_room(name: str) -> bool:
     return words in _ROOM_WORDS or words.removesuffix("s") in _ROOM_WORDS
 
 
-def table_of(rooms: Iterable[int], absent: int | None, most: int = 254) -> tuple[tuple[int, int], ...]:
-    """Ids of instance images whose values 0 to `most` are ids, but for some.
+def table_of(rooms: Iterable[int], absent: int | None, most: int = 255) -> tuple[tuple[int, int], ...]:
+    """Ids of instance images whose values 0 to `most` are ids, but for some; 255 is one too.
 
     Args:
         rooms: values that are a part of the room, and become 0.
@@ -35,14 +34,11 @@ def table_of(rooms: Iterable[int], absent: int | None, most: int = 254) -> tuple
     )
 
 
-def classes_of(
-    pairs: Sequence[tuple[Path, Path]], read_classes: Callable[[Path], np.ndarray] = read_ids
-) -> dict[int, int]:
+def classes_of(pairs: Sequence[tuple[Pixels, Pixels]]) -> dict[int, int]:
     """Class of each instance, by the majority of its pixels in at most 60 views, spread evenly.
 
     Args:
         pairs: image of instances and image of classes of each view, of one raster.
-        read_classes: decodes the latter.
 
     Raises:
         FileError: an image is damaged.
@@ -50,7 +46,7 @@ def classes_of(
     counts: dict[tuple[int, int], int] = {}
     step = max(1, -(-len(pairs) // _SAMPLES))
     for instances, classes in pairs[::step]:
-        seen = np.stack([read_ids(instances), read_classes(classes)], -1).reshape(-1, 2)
+        seen = np.stack([codes_in(instances).astype(np.int64), codes_in(classes)], -1).reshape(-1, 2)
         for pair, count in zip(*np.unique(seen, axis=0, return_counts=True), strict=True):
             key = (int(pair[0]), int(pair[1]))
             counts[key] = counts.get(key, 0) + int(count)

@@ -7,7 +7,8 @@ SCENE.aggregation.json                     labels of objectIds
 label-filt/0.png                           16 bits, raw label ids, which scannetv2-labels.combined.tsv maps
 """
 
-from collections.abc import Iterable
+import re
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -15,6 +16,7 @@ from pathlib import Path
 import msgspec
 
 from goc.capture.config import CaptureConfig
+from goc.capture.packed import PackedPicture, zip_extents
 from goc.capture.readers.labels import classes_of, is_room, table_of
 from goc.capture.readers.reader import Reader
 from goc.capture.readers.recording import (
@@ -29,8 +31,7 @@ from goc.capture.readers.recording import (
     thinned,
     warn,
 )
-from goc.capture.source import IdCodes, Lens, Source, View
-from goc.capture.unpack import extract_zip, unpacked
+from goc.capture.source import IdCodes, Lens, Pixels, Source, View
 from goc.errors import CaptureError
 from goc.events import Listener
 from goc.files import image_size, is_file, is_folder, read_bytes, read_json, read_matrix
@@ -41,6 +42,7 @@ _TABLE = "scannetv2-labels.combined.tsv"
 _ROOM_LABELS = frozenset({1, 3, 5, 16, 21, 41, 128, 161, 232})
 _NYU40_ROOM = frozenset({1, 2, 8, 9, 16, 19, 22})  # wall, floor, door, window, curtain, mirror, ceiling
 _LIMIT = 64 << 20
+_MOST_IDS = 255  # of eight bits
 
 
 class _Group(msgspec.Struct):
@@ -64,11 +66,6 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         FileError: a file is malformed.
         CaptureError: a part is missing, or a pose is finite and not rigid.
     """
-    return read_exported(path, path, config, notify)
-
-
-def read_exported(path: Path, annotated: Path, config: CaptureConfig, notify: Listener) -> Source:
-    """Read an exported scene whose annotations may be in another folder, as they are beside a .sens file."""
     where = path / "intrinsic" / "intrinsic_color.txt"
     needed = [(f"{name}/", is_folder(path / name)) for name in ("color", "pose")]
     demand(path, "ScanNet", [*needed, ("intrinsic/intrinsic_color.txt", is_file(where))])
@@ -77,23 +74,36 @@ def read_exported(path: Path, annotated: Path, config: CaptureConfig, notify: Li
     numbers = thinned(paired(path, images, poses, "pose", config, notify), config, notify)
     lens = _lens(where, images[numbers[0]])
     depth, has_depth = numbered(path / "depth", (".png",)), is_folder(path / "depth")
-    ids = numbered(_folder(annotated, _IDS, notify), (".png",)) if config.use_ids else {}
-    matrices = read_all(
-        path / "pose", [poses[number] for number in numbers], partial(read_matrix, finite=False), "poses"
-    )
-    views = [
-        View(
+    files = [poses[number] for number in numbers]
+    matrices = read_all(path / "pose", files, partial(read_matrix, finite=False), "poses")
+    views = {
+        number: View(
             name=f"color/{images[number].name}",
             lens=lens,
             world_from_cam=matrix,
             image=images[number],
             depth=depth.get(number, path / "depth" / f"{number}.png") if has_depth else None,
-            ids=ids.get(number),
         )
         for number, matrix in zip(numbers, matrices, strict=True)
-    ]
-    source = Source(path=path, views=posed(path / "pose", views, notify), metric=True)
-    return _labelled(source, annotated, notify) if ids else source
+    }
+    return annotated(Source(path=path, views=(), metric=True), views, path, config, notify)
+
+
+def annotated(source: Source, views: dict[int, View], path: Path, config: CaptureConfig, notify: Listener) -> Source:
+    """Add views to a source, by their numbers, with the annotations of a folder, and leave out those that were lost.
+
+    Raises:
+        FileError: an annotation is damaged.
+        CaptureError: a pose is finite and not rigid.
+    """
+    ids = _images(path, _IDS) if config.use_ids else {}
+    with_ids = {number: replace(view, ids=ids.get(number)) for number, view in views.items()}
+    kept = posed(source.path, list(with_ids.values()), notify)
+    source = replace(source, views=kept)
+    if not any(view.ids is not None for view in kept):
+        return source
+    numbers = {view.name: number for number, view in views.items()}
+    return _labelled(source, path, [numbers[view.name] for view in kept], notify)
 
 
 def _lens(where: Path, image: Path) -> Lens:
@@ -105,38 +115,38 @@ def _lens(where: Path, image: Path) -> Lens:
     return Lens(width, height, (fx, fy), (cx + CENTRE, cy + CENTRE))
 
 
-def _folder(path: Path, name: str, notify: Listener) -> Path:
-    """Folder of annotations of one kind, out of its archive where it is packed."""
+def _images(path: Path, name: str) -> dict[int, Pixels]:
+    """Annotations of one kind by number, from their folder or from the archive that ScanNet has of it."""
+    files = numbered(path / name, (".png",))
     archives = sorted(path.glob(f"*{name}.zip"))
-    if is_folder(path / name) or not archives:
-        return path / name
-    inside = f"{name}/"
-    fill = partial(extract_zip, archives[0], lambda entry: entry.startswith(inside) and entry.endswith(".png"))
-    return unpacked(archives[0], fill, notify) / name
+    if files or not archives:
+        return dict(files)
+    pieces = zip_extents(archives[0], lambda entry: re.fullmatch(rf"(.*/)?{name}/\d+\.png", entry) is not None)
+    return {int(Path(entry).stem): PackedPicture(piece, codes=True) for entry, piece in pieces.items()}
 
 
-def _labelled(source: Source, path: Path, notify: Listener) -> Source:
+def _labelled(source: Source, path: Path, numbers: list[int], notify: Listener) -> Source:
     """Tell the instances of the room from things, by whatever labels there are."""
     aggregations = sorted(path.glob("*aggregation.json"), key=lambda file: ("_vh_clean" in file.name, file.name))
     if aggregations:
         groups = read_json(aggregations[0], _Aggregation).segGroups
-        names = {group.objectId + 1: group.label for group in groups if 0 <= group.objectId < 32767}
+        names = {group.objectId + 1: group.label for group in groups if 0 <= group.objectId < _MOST_IDS}
         rooms = [number for number, name in names.items() if is_room(name)]
     else:
-        names, rooms = _by_class(source.views, path, notify)
+        names, rooms = _by_class(source.views, numbers, path)
     if not rooms:
         warn(notify, "no labels tell walls and floor from things (*.aggregation.json): each is an object")
     names = {number: name for number, name in names.items() if number not in set(rooms)}
-    return replace(source, id_codes=IdCodes(table=table_of(rooms, absent=0)), id_names=names)
+    return replace(source, id_codes=IdCodes(table=table_of(rooms, absent=0, most=_MOST_IDS)), id_names=names)
 
 
-def _by_class(views: Iterable[View], path: Path, notify: Listener) -> tuple[dict[int, str], list[int]]:
-    labels = numbered(_folder(path, _LABELS, notify), (".png",))
-    pairs = [(view.ids, labels[int(view.ids.stem)]) for view in views if view.ids and int(view.ids.stem) in labels]
+def _by_class(views: Sequence[View], numbers: list[int], path: Path) -> tuple[dict[int, str], list[int]]:
+    labels = _images(path, _LABELS)
+    pairs = [(view.ids, labels[number]) for view, number in zip(views, numbers, strict=True) if number in labels]
     table = first_with(path, [_TABLE]) or first_with(path.resolve().parent, [_TABLE])
     kinds = _table(table) if table else {}
     names, rooms = {}, []
-    for instance, label in classes_of(pairs).items():
+    for instance, label in classes_of([(ids, kind) for ids, kind in pairs if ids is not None]).items():
         name, nyu40 = kinds.get(label, ("", None))
         if instance > 0 and (nyu40 in _NYU40_ROOM if kinds else label in _ROOM_LABELS):
             rooms.append(instance)

@@ -1,4 +1,4 @@
-"""Reader of ScanNet's .sens recordings: colour, depth and poses of a scan in one file, unpacked as if exported.
+"""Reader of ScanNet's .sens recordings: colour, depth and poses of a scan in one file, decoded where they lie.
 
 Little endian. u32 version 4; u64 and name of the sensor; four 4 x 4 float32 (intrinsics and extrinsics of colour, of
 depth); i32 how colour and depth are compressed; u32 widths and heights; f32 depth steps in a metre; u64 frames. Each
@@ -6,25 +6,22 @@ frame: 4 x 4 float32 camera to world; u64 times of both; u64 sizes of both; the 
 """
 
 import struct
-import zlib
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from pathlib import Path
 from typing import BinaryIO
 
 import numpy as np
-from jaxtyping import Float32, UInt16
+from jaxtyping import Float32
 
 from goc.capture.config import CaptureConfig
+from goc.capture.packed import Extent, PackedNumbers, PackedPicture, Packing
 from goc.capture.readers.reader import Reader
-from goc.capture.readers.recording import step_of
-from goc.capture.readers.scannet import read_exported
-from goc.capture.source import Source
-from goc.capture.unpack import unpacked
+from goc.capture.readers.recording import CENTRE, step_of
+from goc.capture.readers.scannet import annotated
+from goc.capture.source import Lens, Source, Stored, View
 from goc.errors import CaptureError, FileError
-from goc.events import Listener, Progress
-from goc.files import MILLIMETRES, is_file, is_folder, write_png
+from goc.events import Listener
+from goc.files import is_file, is_folder
 
 _VERSION = 4
 _RAW, _PNG, _JPEG = 0, 1, 2
@@ -51,22 +48,19 @@ def detect(path: Path) -> bool:
 
 
 def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
-    """Unpack a recording, or those of its frames that are used, and read it with the annotations that lie beside it.
+    """Find the frames of a recording that are used, and the annotations that lie beside it; images stay packed.
 
     Raises:
-        FileError: the file is damaged, or the disk is full.
+        FileError: the file is damaged.
         CaptureError: it has another version or compression, or a pose is finite and not rigid.
     """
     file = _file(path) or path
     with _opened(file) as stream:
         header = _header(file, stream)
-        start = stream.tell()
-    step = step_of(header.count, config, notify)
-    fill = partial(_unpack, file, header, start, step, notify)
-    size = file.stat().st_size * 2 // step  # depth grows: PNG packs it less well than the recording's
-    folder = unpacked(file, fill, notify, kind=f"one in {step}", size=size)
-    source = read_exported(folder, file.parent, replace(config, every=1), notify)
-    return replace(source, path=file)
+        step = step_of(header.count, config, notify)
+        views = _views(file, stream, header, step)
+    source = Source(path=file, views=(), depth_units_per_metre=header.steps_per_metre, metric=True)
+    return annotated(source, views, file.parent, config, notify)
 
 
 def _file(path: Path) -> Path | None:
@@ -109,53 +103,44 @@ def _header(file: Path, stream: BinaryIO) -> _Header:
     return _Header(matrices[0], *codecs, (cw, ch), (dw, dh), steps, count)
 
 
-def _unpack(file: Path, header: _Header, start: int, step: int, notify: Listener, folder: Path) -> None:
-    """Write every n-th frame as ScanNet's own exporter does."""
-    for name in ("color", "depth", "pose", "intrinsic"):
-        (folder / name).mkdir()
-    np.savetxt(folder / "intrinsic" / "intrinsic_color.txt", header.intrinsics)
-    with _opened(file) as stream:
-        stream.seek(start)
-        for number in range(header.count):
-            *pose, _, _, colour, depth = _FRAME.unpack(_take(file, stream, _FRAME.size))
-            if colour + depth > 16 * _MOST_PIXELS:
-                raise FileError(f"{file}: frame {number} has {colour + depth:,} bytes. The file is damaged.")
-            if number % step:
-                stream.seek(colour + depth, 1)
-                continue
-            _write_colour(file, header, _take(file, stream, colour), folder / "color" / str(number))
-            if depth:
-                values = _depth(file, header, _take(file, stream, depth))
-                write_png(folder / "depth" / f"{number}.png", values)
-            np.savetxt(folder / "pose" / f"{number}.txt", np.reshape(pose, (4, 4)))
-            notify(Progress(stage="capture", done=number + 1, total=header.count))
-
-
-def _write_colour(file: Path, header: _Header, data: bytes, target: Path) -> None:
+def _views(file: Path, stream: BinaryIO, header: _Header, step: int) -> dict[int, View]:
+    """Every n-th frame, by number; the stream stands before the first."""
     width, height = header.colour_size
+    (fx, fy), (cx, cy) = np.diag(header.intrinsics)[:2].tolist(), header.intrinsics[:2, 2].tolist()
+    if not (fx > 0 and fy > 0):
+        raise FileError(f"{file}: focal lengths {fx:g} and {fy:g}. The file is damaged.")
+    lens = Lens(width, height, (fx, fy), (cx + CENTRE, cy + CENTRE))
+    views = {}
+    for number in range(header.count):
+        *pose, _, _, colour, depth = _FRAME.unpack(_take(file, stream, _FRAME.size))
+        start = stream.tell()
+        if colour + depth > file.stat().st_size - start:
+            raise FileError(f"{file}: ends in the middle of frame {number} of {header.count}. Copy it again.")
+        if number % step == 0:
+            views[number] = View(
+                name=f"color/{number}",
+                lens=lens,
+                world_from_cam=np.array(pose, np.float64).reshape(4, 4),
+                image=_image(file, header, number, start, colour),
+                depth=_depth(file, header, number, start + colour, depth) if depth else None,
+            )
+        stream.seek(start + colour + depth)
+    return views
+
+
+def _image(file: Path, header: _Header, number: int, start: int, length: int) -> Stored:
+    extent = Extent(file, f"color {number}", start, length, length)
     if header.colour_codec != _RAW:
-        target.with_suffix(".jpg" if header.colour_codec == _JPEG else ".png").write_bytes(data)
-    elif len(data) == width * height * 3:
-        write_png(target.with_suffix(".png"), np.frombuffer(data, np.uint8).reshape(height, width, 3))
-    else:
-        raise FileError(f"{file}: an image of {len(data):,} bytes is not {width} x {height}. The file is damaged.")
+        return PackedPicture(extent)
+    width, height = header.colour_size
+    return PackedNumbers(replace(extent, size=width * height * 3), (height, width, 3), "u1")
 
 
-def _depth(file: Path, header: _Header, data: bytes) -> UInt16[np.ndarray, "h w"]:
+def _depth(file: Path, header: _Header, number: int, start: int, length: int) -> Stored:
     width, height = header.depth_size
-    unpack: Callable[[bytes], bytes] = _bounded(width * height * 2) if header.depth_codec == _ZLIB else bytes
-    try:
-        values = np.frombuffer(unpack(data), "<u2").reshape(height, width)
-    except (zlib.error, ValueError) as error:
-        raise FileError(f"{file}: a depth image is damaged ({error}). Copy it again.") from error
-    if header.steps_per_metre == MILLIMETRES:
-        return values
-    scaled = np.rint(values * (MILLIMETRES / header.steps_per_metre))
-    return np.where(scaled <= np.iinfo(np.uint16).max, scaled, 0).astype(np.uint16)
-
-
-def _bounded(size: int) -> Callable[[bytes], bytes]:
-    return lambda data: zlib.decompressobj().decompress(data, size + 1)
+    packing: Packing = "zlib" if header.depth_codec == _ZLIB else "none"
+    extent = Extent(file, f"depth {number}", start, length, width * height * 2, packing)
+    return PackedNumbers(extent, (height, width), "<u2")
 
 
 READER = Reader(name="ScanNet .sens", expects="a .sens recording (ScanNet)", detect=detect, read=read)
