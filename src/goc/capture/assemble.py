@@ -61,6 +61,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         id_names=source.id_names if config.use_ids else {},
         units_per_metre=units_per_metre,
         metric=metric or config.units_per_metre is not None,
+        up=source.up,
         offset=offset,
     )
 

@@ -20,6 +20,7 @@ Packing = Literal["none", "deflate", "zlib", "lzfse", "lz4"]
 """How bytes are compressed: deflate has no header, zlib has one; lzfse is Apple's, lz4 one block without a frame."""
 _MOST_ENTRIES = 500_000
 _LARGEST = 1 << 30
+_SLACK = 4096
 _ZIP_PACKINGS: dict[int, Packing] = {zipfile.ZIP_STORED: "none", zipfile.ZIP_DEFLATED: "deflate"}
 
 
@@ -56,31 +57,76 @@ class Extent:
             raise FileError(f"{self.path}: cannot be read ({error.strerror}). Check the path.") from error
         if len(data) < self.length:
             raise FileError(f"{self.label}: cut short. Copy or export {self.path.name} again.")
-        unpacked = _unpacked(self, data)
-        if len(unpacked) != self.size:
-            text = f"{self.label}: {len(unpacked):,} bytes, not the expected {self.size:,}"
-            raise FileError(f"{text}. Copy or export {self.path.name} again.")
-        return unpacked
+        return _sized(self, unpack(self.label, self.packing, data, self.size))
 
 
-def _unpacked(extent: Extent, data: bytes) -> bytes:
+@dataclass(frozen=True)
+class Repacked:
+    """A piece that is compressed once more inside another."""
+
+    within: Extent
+    size: int
+    packing: Packing
+
+    @property
+    def path(self) -> Path:
+        """The file that it is a piece of."""
+        return self.within.path
+
+    @property
+    def label(self) -> Path:
+        """The piece as if it were a file in a folder, for errors."""
+        return self.within.label
+
+    def read(self) -> bytes:
+        """Read and unpack; raises what `Extent.read` raises."""
+        return _sized(self, unpack(self.label, self.packing, self.within.read(), self.size))
+
+
+def unpack(label: Path, packing: Packing, data: bytes, size: int) -> bytes:
+    """Decompress.
+
+    Args:
+        label: what errors call the data.
+        packing: how they are compressed.
+        data: compressed.
+        size: bytes that are expected; much more is not made of them.
+
+    Raises:
+        FileError: the data are damaged, or a library is not installed.
+    """
     try:
-        match extent.packing:
+        match packing:
             case "none":
                 return data
             case "deflate":
-                return zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, extent.size + 1)
+                return zlib.decompressobj(-zlib.MAX_WBITS).decompress(data, size + 1)
             case "zlib":
-                return zlib.decompressobj().decompress(data, extent.size + 1)
+                return zlib.decompressobj().decompress(data, size + 1)
             case "lzfse":
-                return _library("lzfse").decompress(data)
+                return _lzfse(data, size)
             case "lz4":
-                return _library("lz4.block").decompress(data, uncompressed_size=extent.size)
+                return _library("lz4.block").decompress(data, uncompressed_size=size)
     except FileError:
         raise
     except Exception as error:  # each library has its own
-        text = f"{extent.label}: damaged ({error or 'not ' + extent.packing})"
-        raise FileError(f"{text}. Copy or export {extent.path.name} again.") from error
+        text = f"{label}: damaged ({error or 'not ' + packing})"
+        raise FileError(f"{text}. Copy or export it again.") from error
+
+
+def _lzfse(data: bytes, size: int) -> bytes:
+    """The library takes no bound: the first block says how much it makes, and no data make 300 times as much."""
+    first = int.from_bytes(data[4:8], "little")
+    if first > size or len(data) > 2 * size + _SLACK:
+        raise ValueError(f"makes {first:,} bytes, not {size:,}")
+    return _library("lzfse").decompress(data)
+
+
+def _sized(extent: "Extent | Repacked", data: bytes) -> bytes:
+    if len(data) != extent.size:
+        text = f"{extent.label}: {len(data):,} bytes, not the expected {extent.size:,}"
+        raise FileError(f"{text}. Copy or export {extent.path.name} again.")
+    return data
 
 
 def _library(name: str) -> Any:
@@ -122,7 +168,7 @@ class PackedPicture:
 class PackedNumbers:
     """Numbers by rows: depth, confidence, or a photograph that is not compressed."""
 
-    extent: Extent
+    extent: Extent | Repacked
     shape: tuple[int, ...]
     """Height, width, and channels where there are several."""
     dtype: str

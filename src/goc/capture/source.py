@@ -102,6 +102,8 @@ class Source:
     points: PointCloud | FarPoints | None = None
     metric: bool | None = None
     """Whether the poses are known to be in metres. None: where there is metric depth."""
+    up: tuple[float, float, float] | None = None
+    """Which way is up in the world, to a few degrees, where the format says it."""
 
 
 def complain(where: Path | str, culprits: Sequence[str], total: int, what: str, remedy: str) -> CaptureError:

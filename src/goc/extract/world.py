@@ -12,6 +12,7 @@ from goc.scene import Capture, Mesh, World
 
 _VOXEL_M = 0.03
 """Edge of the cells to which the surface is thinned, metres."""
+_SAME_UP = 0.985  # cosine of 10 degrees
 _FEWEST = 100
 """Least number of cells along the scene's diagonal, for scenes whose guessed metre is too long."""
 
@@ -32,6 +33,10 @@ def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener
     points, normals, voxel = _thinned(mesh, _VOXEL_M * views.units_per_metre)
     poses = np.stack([camera.world_from_cam.double().numpy() for camera in views.cameras])
     found = find_gravity(points, normals, voxel, poses, np.random.default_rng(0), given)
+    if given is None and views.up is not None:
+        stated = np.array(views.up, np.float64) / np.linalg.norm(views.up)
+        if found.up @ stated < _SAME_UP:  # the format knows the way to a few degrees, planes know it better
+            found = find_gravity(points, normals, voxel, poses, np.random.default_rng(0), stated)
     if not found.is_level:
         message = "No level surface tells which way is up: guessed from the cameras. Pass --world.up if it is wrong."
         notify(Warned(stage="extract", message=message))

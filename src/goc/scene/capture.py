@@ -105,6 +105,8 @@ class Capture:
     files: a depth image of 1000 units per metre holds millimetres."""
     metric: bool = True
     """Whether the unit is known to be the metre, not guessed."""
+    up: tuple[float, float, float] | None = None
+    """Which way is up in the world, to a few degrees, where the format says it."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """What was taken off all positions, scene units: plus this, they are those of the files."""
 

@@ -103,7 +103,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         for number in thinned(list(images), config, notify)
     ]
     views = posed(trajectory, views, notify)
-    source = Source(path=path, views=views, depth_units_per_metre=steps, metric=True)
+    source = Source(path=path, views=views, depth_units_per_metre=steps, metric=True, up=(0.0, 0.0, 1.0))
     return _labelled(source, path, notify) if ids else source
 
 

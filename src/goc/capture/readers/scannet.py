@@ -86,7 +86,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         )
         for number, matrix in zip(numbers, matrices, strict=True)
     }
-    return annotated(Source(path=path, views=(), metric=True), views, path, config, notify)
+    return annotated(Source(path=path, views=(), metric=True, up=(0.0, 0.0, 1.0)), views, path, config, notify)
 
 
 def annotated(source: Source, views: dict[int, View], path: Path, config: CaptureConfig, notify: Listener) -> Source:

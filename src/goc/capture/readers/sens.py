@@ -59,7 +59,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         header = _header(file, stream)
         step = step_of(header.count, config, notify)
         views = _views(file, stream, header, step)
-    source = Source(path=file, views=(), depth_units_per_metre=header.steps_per_metre, metric=True)
+    source = Source(path=file, views=(), depth_units_per_metre=header.steps_per_metre, metric=True, up=(0.0, 0.0, 1.0))
     return annotated(source, views, file.parent, config, notify)
 
 
