@@ -1,17 +1,8 @@
-"""A room in the native layout, and comparison of what another format makes of it."""
-
-from pathlib import Path
+"""Comparison of what another format makes of a room with what the native layout does."""
 
 import numpy as np
 
-from captures import write_nerfstudio
-from goc.capture import load_capture
 from goc.scene import Capture
-
-
-def native(folder: Path, views: int = 6, **changes) -> Capture:
-    """A small room with depth, ids and names, as the native layout has it."""
-    return load_capture(write_nerfstudio(folder, views, **changes))
 
 
 def assert_same_cameras(made: Capture, truth: Capture, turn: np.ndarray | None = None) -> None:

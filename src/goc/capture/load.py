@@ -43,10 +43,10 @@ def _nothing_found(path: Path) -> str:
         return f"{path}: not found. Give the folder of a capture."
     names = sorted(entry.name + "/" * is_folder(entry) for entry in path.iterdir())
     shown = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
-    *known, nerfstudio, rgbd = FORMATS
-    others = ", ".join(reader.name for reader in known)
-    looked = f"Looked for {nerfstudio.expects}, {rgbd.expects}, and captures of {others}"
-    return f"{path}: no capture here. {looked}; found {shown or 'nothing'}.{_hint(names)}"
+    *others, nerfstudio, colmap, rgbd = FORMATS
+    common = ", or ".join(reader.expects for reader in (nerfstudio, colmap, rgbd))
+    named = ", ".join(reader.name for reader in others)
+    return f"{path}: no capture here. Looked for {common}, or {named}; found {shown or 'nothing'}.{_hint(names)}"
 
 
 def _hint(names: list[str]) -> str:

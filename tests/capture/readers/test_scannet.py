@@ -11,19 +11,13 @@ from PIL import Image
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import CaptureError
 from goc.files import read_ids, write_png
-from goc.synth.export import scannet
-from roundtrips import assert_same_cameras, assert_same_frames, native
-
-
-@pytest.fixture(scope="module")
-def truth(tmp_path_factory):
-    return native(tmp_path_factory.mktemp("native"), views=12)
+from goc.synth.export import export_room
+from roundtrips import assert_same_cameras, assert_same_frames
 
 
 @pytest.fixture
-def folder(truth, tmp_path):
-    scannet.export(truth, tmp_path / "scene0000_00")
-    return tmp_path / "scene0000_00"
+def folder(room, tmp_path):
+    return export_room(room, "scannet", tmp_path / "scene0000_00")
 
 
 def test_a_scene_is_what_was_exported(truth, folder):

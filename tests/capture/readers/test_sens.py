@@ -11,13 +11,8 @@ from PIL import Image
 from fuzz import assert_only_file_errors
 from goc.capture import CaptureConfig, load_capture
 from goc.errors import CaptureError, FileError
-from goc.synth.export import scannet
-from roundtrips import assert_same_cameras, assert_same_frames, native
-
-
-@pytest.fixture(scope="module")
-def truth(tmp_path_factory):
-    return native(tmp_path_factory.mktemp("native"), views=5)
+from goc.synth.export import export_room
+from roundtrips import assert_same_cameras, assert_same_frames
 
 
 def recording(truth, *, version=4, codecs=(2, 1), shift=1000.0, lose=()):
@@ -52,29 +47,29 @@ def test_a_recording_is_what_was_recorded(truth, tmp_path, codecs, shift):
     assert_same_frames(capture, truth, ids=False)
 
 
-def test_annotations_lie_beside_the_recording(truth, tmp_path):
-    scannet.export(truth, tmp_path / "scene")
+def test_annotations_lie_beside_the_recording(room, truth, tmp_path):
+    export_room(room, "scannet", tmp_path / "scene")
     for name in ("color", "depth", "pose", "intrinsic"):
         (tmp_path / "scene" / name).rename(tmp_path / name)
     (tmp_path / "scene/scene.sens").write_bytes(recording(truth, lose=[1]))
     heard = []
     capture = load_capture(tmp_path / "scene", notify=heard.append)
-    assert (len(capture), capture.has_ids, capture.id_names) == (4, True, {1: "crate", 2: "cupboard"})
+    assert (len(capture), capture.has_ids, capture.id_names) == (11, True, {1: "crate", 2: "cupboard"})
     np.testing.assert_array_equal(capture[1].ids, truth[2].ids)
     said = [event.message for event in heard if hasattr(event, "message")]
-    assert said[0].startswith("1 of 5 poses were lost (not finite), and their views are left out (first: color/1)")
+    assert said[0].startswith("1 of 12 poses were lost (not finite), and their views are left out (first: color/1)")
 
 
 def test_every_other_frame(truth, tmp_path):
     (tmp_path / "a.sens").write_bytes(recording(truth))
     capture = load_capture(tmp_path, CaptureConfig(every=2))
-    assert capture.view_names == ("color/0", "color/2", "color/4")
+    assert capture.view_names == tuple(f"color/{number}" for number in range(0, 12, 2))
 
 
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda data: data[:-5000], r"a\.sens: ends in the middle of frame 3 of 5\. Copy it again"),
+        (lambda data: data[:-5000], r"a\.sens: ends in the middle of frame 1\d of 12\. Copy it again"),
         (lambda data: b"\3" + data[1:], r"a\.sens: version 3 of \.sens, not 4"),
         (lambda data: data[:277] + struct.pack("<2i", 2, 2) + data[285:], r"depth by 2, which goc does not know"),
         (lambda data: data[:305] + struct.pack("<Q", 10**12) + data[313:], r"1,000,000,000,000 frames in"),

@@ -7,19 +7,13 @@ from goc.capture import CaptureConfig, load_capture
 from goc.capture.readers import tum
 from goc.errors import CaptureError, FileError
 from goc.events import ignore
-from goc.synth.export.tum import export
-from roundtrips import assert_same_cameras, assert_same_frames, native
-
-
-@pytest.fixture(scope="module")
-def truth(tmp_path_factory):
-    return native(tmp_path_factory.mktemp("native"))
+from goc.synth.export import export_room
+from roundtrips import assert_same_cameras, assert_same_frames
 
 
 @pytest.fixture
-def folder(truth, tmp_path):
-    export(truth, tmp_path / "sequence")
-    return tmp_path / "sequence"
+def folder(room, tmp_path):
+    return export_room(room, "tum", tmp_path / "sequence")
 
 
 def lens_of(folder):
@@ -58,12 +52,12 @@ def test_images_without_a_pose_or_depth_at_their_time(folder):
     change(folder / "depth.txt", lambda lines: lines[:-1])
     heard = []
     capture = load_capture(folder, notify=heard.append)
-    assert len(capture) == 4
+    assert len(capture) == 10
     assert [event.message for event in heard] == [
-        "2 of 6 images have no pose at their time and are left out (first: rgb/1305031102.066667.png)",
-        "1 of 4 views have no depth images",
+        "2 of 12 images have no pose at their time and are left out (first: rgb/1305031102.066667.png)",
+        "1 of 10 views have no depth images",
     ]
-    assert capture[3].depth is None
+    assert capture[9].depth is None
 
 
 def test_the_cameras_of_the_data_set_are_known_by_the_name_of_the_folder(folder):

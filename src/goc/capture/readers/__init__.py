@@ -2,6 +2,7 @@
 
 from goc.capture.readers import (
     arkitscenes,
+    colmap,
     nerfstudio,
     polycam,
     record3d,
@@ -24,6 +25,7 @@ FORMATS: tuple[Reader, ...] = (
     replica.READER,
     tum.READER,
     nerfstudio.READER,
+    colmap.READER,
     rgbd.READER,
 )
 

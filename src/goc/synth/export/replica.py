@@ -1,50 +1,56 @@
-"""Writes a capture in the packs in which Replica's rooms are passed on: of NICE-SLAM, and of vMAP."""
+"""The packs in which Replica's rooms are passed on: of NICE-SLAM, and of vMAP."""
 
 from pathlib import Path
 
 import numpy as np
 
-from goc.files import write_bytes, write_depth, write_image, write_json, write_png
-from goc.scene import ROOM, Capture
-from goc.synth.export.cameras import as_text, calibration_of, pose_of
+from goc.files import write_bytes, write_depth, write_json, write_png
+from goc.scene import ROOM
+from goc.synth.export.cameras import as_text, calibration_of, jpeg_of, names_of, steps_of, wall_of, with_wall
+from goc.synth.export.exporter import Exporter
+from goc.synth.export.room import RoomCapture
+from goc.synth.sensor.source import link
 
-_STEPS_PER_METRE = 6553.5
+_STEPS_PER_METRE, _MILLIMETRES = 6553.5, 1000.0
 _WALL_CLASS, _THING_CLASS = 93, 20
 
 
-def export(capture: Capture, folder: Path) -> None:
-    """Write NICE-SLAM's pack: results/, traj.txt and cam_params.json. It has no ids."""
-    _write_cameras(capture, folder, "traj.txt", _STEPS_PER_METRE)
-    for number, frame in enumerate(capture):
-        write_image(folder / "results" / f"frame{number:06}.jpg", frame.image.numpy())
-        if frame.depth is not None:
-            steps = np.nan_to_num(frame.depth.numpy()) * _STEPS_PER_METRE
-            kept = np.where(steps <= np.iinfo(np.uint16).max, np.rint(steps), 0)
-            write_png(folder / "results" / f"depth{number:06}.png", kept.astype(np.uint16))
+def _write(room: RoomCapture, out: Path) -> None:
+    _write_cameras(room, out, "traj.txt", _STEPS_PER_METRE)
+    for number, view in enumerate(room.views):
+        write_bytes(out / "results" / f"frame{number:06}.jpg", jpeg_of(view))
+        write_png(out / "results" / f"depth{number:06}.png", steps_of(view.depth(), _STEPS_PER_METRE))
 
 
-def export_vmap(capture: Capture, folder: Path) -> None:
-    """Write vMAP's pack: rgb/, depth/, semantic_instance/, semantic_class/ and traj_w_c.txt."""
-    _write_cameras(capture, folder, "traj_w_c.txt", 1000.0)
-    wall = 1 + max([0, *(int(frame.ids.max()) for frame in capture if frame.ids is not None)])
-    for number, frame in enumerate(capture):
-        write_image(folder / "rgb" / f"rgb_{number}.png", frame.image.numpy())
-        if frame.depth is not None:
-            write_depth(folder / "depth" / f"depth_{number}.png", frame.depth.numpy())
-        if frame.ids is not None:
-            ids = frame.ids.numpy()
-            stored = np.where(ids == ROOM, wall, np.maximum(ids, 0))
-            classes = np.where(ids == ROOM, _WALL_CLASS, np.where(ids > 0, _THING_CLASS, 0))
-            write_png(folder / "semantic_instance" / f"semantic_instance_{number}.png", stored.astype(np.uint16))
-            write_png(folder / "semantic_class" / f"semantic_class_{number}.png", classes.astype(np.uint16))
-    things = [{"id": key, "class_name": name} for key, name in capture.id_names.items() if key != ROOM]
-    write_json(folder / "info_semantic.json", {"objects": things})
+def _write_vmap(room: RoomCapture, out: Path) -> None:
+    _write_cameras(room, out, "traj_w_c.txt", _MILLIMETRES)
+    wall = wall_of(room)
+    for number, view in enumerate(room.views):
+        link(view.image_path, out / "rgb" / f"rgb_{number}{view.image_path.suffix}")
+        write_depth(out / "depth" / f"depth_{number}.png", view.depth())
+        ids = view.ids()
+        classes = np.where(ids == ROOM, _WALL_CLASS, np.where(ids > 0, _THING_CLASS, 0))
+        write_png(out / "semantic_instance" / f"semantic_instance_{number}.png", with_wall(view, wall))
+        write_png(out / "semantic_class" / f"semantic_class_{number}.png", classes.astype(np.uint16))
+    things = [{"id": key, "class_name": name} for key, name in names_of(room).items()]
+    write_json(out / "info_semantic.json", {"objects": things})
 
 
-def _write_cameras(capture: Capture, folder: Path, name: str, scale: float) -> None:
-    lines = np.stack([pose_of(camera).reshape(16) for camera in capture.cameras])
-    write_bytes(folder / name, as_text(lines))
-    camera, matrix = capture.cameras[0], calibration_of(capture.cameras[0])
-    given = {"w": camera.width, "h": camera.height, "fx": matrix[0, 0], "fy": matrix[1, 1]}
+def _write_cameras(room: RoomCapture, out: Path, name: str, scale: float) -> None:
+    """One pose a line, and cam_params.json."""
+    write_bytes(out / name, as_text(np.stack([view.world_from_cam.reshape(16) for view in room.views])))
+    first, matrix = room.views[0], calibration_of(room.views[0])
+    given = {"w": first.width, "h": first.height, "fx": matrix[0, 0], "fy": matrix[1, 1]}
     given |= {"cx": matrix[0, 2], "cy": matrix[1, 2], "scale": scale}
-    write_json(folder / "cam_params.json", {"camera": given})
+    write_json(out / "cam_params.json", {"camera": given})
+
+
+EXPORTER = Exporter(
+    name="replica",
+    writes="results/ and traj.txt of NICE-SLAM's pack; no ids",
+    write=_write,
+    lacks=frozenset({"ids", "names"}),
+)
+VMAP = Exporter(
+    name="replica-vmap", writes="rgb/, depth/, semantic_instance/ and _class/ of vMAP's pack", write=_write_vmap
+)
