@@ -4,7 +4,7 @@ from pathlib import Path
 
 from goc.capture.assemble import assemble
 from goc.capture.config import CaptureConfig
-from goc.capture.readers import FORMATS
+from goc.capture.readers import FORMATS, RECORDINGS
 from goc.errors import CaptureError
 from goc.events import Listener, ignore
 from goc.files import is_file, is_folder
@@ -43,10 +43,9 @@ def _nothing_found(path: Path) -> str:
         return f"{path}: not found. Give the folder of a capture."
     names = sorted(entry.name + "/" * is_folder(entry) for entry in path.iterdir())
     shown = ", ".join(names[:_SHOWN]) + (f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else "")
-    *others, nerfstudio, colmap, rgbd = FORMATS
-    common = ", or ".join(reader.expects for reader in (nerfstudio, colmap, rgbd))
-    named = ", ".join(reader.name for reader in others)
-    return f"{path}: no capture here. Looked for {common}, or {named}; found {shown or 'nothing'}.{_hint(names)}"
+    tools = ", or ".join(reader.expects for reader in FORMATS if reader not in RECORDINGS)
+    others = ", ".join(reader.name for reader in RECORDINGS)
+    return f"{path}: no capture here. Looked for {tools}, or {others}; found {shown or 'nothing'}.{_hint(names)}"
 
 
 def _hint(names: list[str]) -> str:

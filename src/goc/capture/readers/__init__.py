@@ -1,32 +1,16 @@
 """One reader a format, chosen by what lies in a folder; FORMATS lists them in the order in which they are tried."""
 
-from goc.capture.readers import (
-    arkitscenes,
-    colmap,
-    nerfstudio,
-    polycam,
-    record3d,
-    replica,
-    rgbd,
-    scanner_app,
-    scannet,
-    sens,
-    tum,
-)
+from goc.capture.readers import colmap, metashape, nerfstudio, realitycapture, rgbd
 from goc.capture.readers.reader import Reader
+from goc.capture.readers.recordings import RECORDINGS
 
 FORMATS: tuple[Reader, ...] = (
-    record3d.READER,
-    polycam.READER,
-    scanner_app.READER,
-    arkitscenes.READER,
-    sens.READER,
-    scannet.READER,
-    replica.READER,
-    tum.READER,
+    *RECORDINGS,
     nerfstudio.READER,
     colmap.READER,
     rgbd.READER,
+    metashape.READER,
+    realitycapture.READER,
 )
 
-__all__ = ["FORMATS", "Reader"]
+__all__ = ["FORMATS", "RECORDINGS", "Reader"]

@@ -3,19 +3,9 @@
 from pathlib import Path
 
 from goc.errors import ConfigError
-from goc.synth.export import (
-    arkitscenes,
-    colmap,
-    instant_ngp,
-    nerfstudio,
-    polycam,
-    record3d,
-    replica,
-    scanner_app,
-    scannet,
-    tum,
-)
+from goc.synth.export import colmap, instant_ngp, metashape, nerfstudio, realitycapture
 from goc.synth.export.exporter import Exporter
+from goc.synth.export.recordings import RECORDINGS
 from goc.synth.export.room import read_room
 from goc.synth.folders import check_new
 
@@ -26,15 +16,9 @@ _ALL: tuple[Exporter, ...] = (
     instant_ngp.BLENDER,
     colmap.BINARY,
     colmap.TEXT,
-    polycam.EXPORTER,
-    record3d.EXPORTER,
-    scanner_app.EXPORTER,
-    arkitscenes.EXPORTER,
-    scannet.EXPORTER,
-    scannet.SENS,
-    replica.EXPORTER,
-    replica.VMAP,
-    tum.EXPORTER,
+    metashape.EXPORTER,
+    realitycapture.EXPORTER,
+    *RECORDINGS,
 )
 EXPORTERS: dict[str, Exporter] = {exporter.name: exporter for exporter in _ALL}
 """By name, in the order in which help lists them."""

@@ -1,0 +1,15 @@
+"""Readers of what phones and RGB-D data sets record. They come before those of tools, whose files some of them hold."""
+
+from goc.capture.readers import arkitscenes, polycam, record3d, replica, scanner_app, scannet, sens, tum
+from goc.capture.readers.reader import Reader
+
+RECORDINGS: tuple[Reader, ...] = (
+    record3d.READER,
+    polycam.READER,
+    scanner_app.READER,
+    arkitscenes.READER,
+    sens.READER,
+    scannet.READER,
+    replica.READER,
+    tum.READER,
+)
