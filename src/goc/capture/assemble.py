@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from goc.capture.config import CaptureConfig
-from goc.capture.decode import camera_of, check_shape, is_turned, layers
+from goc.capture.decode import CutOuts, are_cut_out, camera_of, check_shape, is_turned, layers
 from goc.capture.distortion import looks_of
 from goc.capture.masks import understood
 from goc.capture.offset import offset_of, points_without, without_offset
@@ -20,6 +20,7 @@ _STAGE = "capture"
 _SIDE_IMAGES = {"depth": "depth images", "ids": "id images", "normals": "normal images", "mask": "masks"}
 _PIXEL = 1.0
 """Sides of a scaled image may be rounded by so many pixels."""
+_MIDDLE = 0.02
 _CENTRAL = 0.15
 """A principal point farther from the middle, as a share of the side, is of another size than the file says."""
 
@@ -42,10 +43,14 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     images = [view.ids for view in views if view.ids is not None]
     if images:
         source = replace(source, id_codes=understood(source.path, images, source.id_codes, notify))
+    cut_out = config.use_ids and not images and are_cut_out(views)
+    if cut_out:
+        notify(Warned(stage=_STAGE, message="Photographs are cut out: what is opaque is taken for one object, id 1"))
     views = _cut(source, views, notify)
     offset = offset_of([view.world_from_cam for view in views])
     views = without_offset(source.path, views, offset, notify)
     cameras = _cameras(source, views, config)
+    frames = layers(source, views, cameras, kind)
     metric = measured if source.metric is None else source.metric
     units_per_metre = config.units_per_metre
     if units_per_metre is None:
@@ -53,9 +58,9 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     return Capture(
         cameras=cameras,
         view_names=tuple(view.name for view in views),
-        frames=ViewCache(layers(source, views, cameras, kind), config.cache_mb << 20),
+        frames=ViewCache(CutOuts(below=frames) if cut_out else frames, config.cache_mb << 20),
         has_depth=any(view.depth is not None for view in views),
-        has_ids=any(view.ids is not None for view in views),
+        has_ids=cut_out or bool(images),
         depth_kind="metric" if kind == "distance" else kind,
         points=points_without(source.points, offset),
         id_names=source.id_names if config.use_ids else {},
@@ -95,9 +100,14 @@ def _cut(source: Source, views: tuple[View, ...], notify: Listener) -> tuple[Vie
 
 def _of_image_size(source: Source, views: tuple[View, ...], notify: Listener) -> tuple[View, ...]:
     """Views whose intrinsics are for the size of the image; those of a scaled copy are scaled along."""
-    fitting, scaled, wrong = [], [], []
-    for view in views:
-        size, lens = _image_size(view), view.lens
+    fitting, scaled, wrong, swapped = [], [], [], []
+    sizes = [_image_size(view) for view in views]
+    fits = {view.lens for view, size in zip(views, sizes, strict=True) if size == (view.lens.width, view.lens.height)}
+    for view, size in zip(views, sizes, strict=True):
+        if view.lens in fits and size == (view.lens.height, view.lens.width) and _is_symmetric(view.lens):
+            view = replace(view, lens=_on_its_side(view.lens))
+            swapped.append(view.name)
+        lens = view.lens
         if size != (lens.width, lens.height):
             is_copy = _is_scaled(lens, *size)
             text = f"{view.name} has {size[0]} x {size[1]}, expected {lens.width} x {lens.height}"
@@ -107,11 +117,27 @@ def _of_image_size(source: Source, views: tuple[View, ...], notify: Listener) ->
     if wrong:
         remedy = "Scale the images or the intrinsics; where sides are swapped, rotate the pixels as EXIF says."
         raise complain(source.path, wrong, len(views), "images are not of the size of their intrinsics", remedy)
+    if swapped:
+        counted = count_of(swapped, len(views))
+        message = f"{counted} images lie on their side: intrinsics are turned along, poses are taken as they are"
+        notify(Warned(stage=_STAGE, message=f"{message} (first: {shown(swapped[0])})"))
     if scaled:
         counted = count_of(scaled, len(views))
         message = f"{counted} images are scaled copies: intrinsics are scaled along (first: {shown(scaled[0])})"
         notify(Warned(stage=_STAGE, message=message))
     return tuple(fitting)
+
+
+def _is_symmetric(lens: Lens) -> bool:
+    """Whether turning the image either way gives the same intrinsics, within two pixels in a hundred."""
+    x, y = lens.centre_px[0] / lens.width, lens.centre_px[1] / lens.height
+    return max(abs(x - 0.5), abs(y - 0.5)) < _MIDDLE and not any((*lens.tangential, *lens.prism))
+
+
+def _on_its_side(lens: Lens) -> Lens:
+    """The lens of the same camera held upright; the principal point's small shift could turn either way: dropped."""
+    centre = (lens.height / 2, lens.width / 2)
+    return replace(lens, width=lens.height, height=lens.width, focal_px=lens.focal_px[::-1], centre_px=centre)
 
 
 def _is_scaled(lens: Lens, width: int, height: int) -> bool:

@@ -1,6 +1,7 @@
 """One view's files → Frame, in layers: the photograph, then depth, ids and normals, each brought onto its raster."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -21,6 +22,9 @@ from goc.scene import UNLABELLED, Camera, Frame, FrameSource
 
 _SAME_ASPECT = 0.01
 _OPAQUE = 128
+_MOST_OPAQUE = 0.9
+"""Share of a photograph that is opaque, at most, where its background was cut away."""
+_LOOKED_AT = 8
 
 
 def pinhole_view(view: View, max_side_px: int) -> Pinhole:
@@ -124,6 +128,19 @@ class WithIds:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class CutOuts:
+    """The views of another source, whose photographs show one thing and are transparent elsewhere: it is id 1."""
+
+    below: FrameSource
+
+    def __call__(self, index: int) -> Frame:
+        """One view; raises what the layer below raises."""
+        frame = self.below(index)
+        shown = torch.ones(frame.image.shape[:2]) if frame.valid is None else frame.valid
+        return replace(frame, ids=torch.where(shown > 0, 1, UNLABELLED).to(torch.int16))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class WithNormals:
     """The views of another source, with the normal images that are stored."""
 
@@ -149,6 +166,17 @@ def layers(source: Source, views: tuple[View, ...], cameras: tuple[Camera, ...],
     if any(view.normals is not None for view in views):
         frames = WithNormals(below=frames, views=views)
     return frames
+
+
+def are_cut_out(views: Sequence[View]) -> bool:
+    """Whether photographs have no background: all have an alpha channel, and those looked at are partly transparent."""
+    if not all(isinstance(view.image, Path) and picture_size(view.image).has_alpha for view in views):
+        return False
+    for view in views[:: -(-len(views) // _LOOKED_AT)]:
+        alpha = photograph(view)[1]
+        if alpha is None or not 0 < (alpha >= _OPAQUE).mean() < _MOST_OPAQUE:
+            return False
+    return True
 
 
 def photograph(view: View) -> tuple[UInt8[np.ndarray, "h w 3"], UInt8[np.ndarray, "h w"] | None]:

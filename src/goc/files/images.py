@@ -56,6 +56,7 @@ class PictureSize:
     stored: tuple[int, int]
     upright: tuple[int, int]
     """After its EXIF orientation is applied."""
+    has_alpha: bool
 
 
 def picture_size(path: Path) -> PictureSize:
@@ -64,7 +65,8 @@ def picture_size(path: Path) -> PictureSize:
         with path.open("rb") as file:
             image = _opened(path, file)
             sideways = _orientation(image) in _SIDEWAYS
-            return PictureSize(image.size, image.size[::-1] if sideways else image.size)
+            upright = image.size[::-1] if sideways else image.size
+            return PictureSize(image.size, upright, image.has_transparency_data)
     except (OSError, ValueError) as error:
         raise unreadable(path, error) from error
 

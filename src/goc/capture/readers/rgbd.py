@@ -143,10 +143,14 @@ def _meta(path: Path, image: Path) -> tuple[Path, _Meta]:
 
 
 def _with_size(meta: _Meta, image: Path) -> _Meta:
-    """Fill in the size from the first image's header where it is not stated."""
+    """Fill in the size from the first image's header where it is not stated.
+
+    Where that image lies on its side, as the principal point tells, the intrinsics are of the others.
+    """
     if meta.width is not None and meta.height is not None:
         return meta
-    width, height = image_size(image)
+    sizes = image_size(image), image_size(image)[::-1]
+    width, height = min(sizes, key=lambda size: math.hypot(meta.cx - size[0] / 2, meta.cy - size[1] / 2))
     return msgspec.structs.replace(meta, width=width, height=height)
 
 
