@@ -12,8 +12,6 @@ from goc.cli import main
 GUIDE = Path(__file__).parents[2] / "docs" / "guide" / "captures.md"
 BLOCKS = re.findall(r"```sh\n(.*?)```", GUIDE.read_text(), re.DOTALL)
 COMMANDS = [line for block in BLOCKS for line in block.splitlines()]
-    line for block in re.findall(r"```sh\n(.*?)```", GUIDE.read_text(), re.DOTALL) for line in block.splitlines()
-]
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
