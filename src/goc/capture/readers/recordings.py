@@ -1,6 +1,19 @@
 """Readers of what phones and RGB-D data sets record. They come before those of tools, whose files some of them hold."""
 
-from goc.capture.readers import arkitscenes, polycam, record3d, replica, scanner_app, scannet, sens, tum
+from goc.capture.readers import (
+    arkitscenes,
+    bop,
+    holoscene,
+    monosdf,
+    polycam,
+    record3d,
+    replica,
+    scanner_app,
+    scannet,
+    sens,
+    seven_scenes,
+    tum,
+)
 from goc.capture.readers.reader import Reader
 
 RECORDINGS: tuple[Reader, ...] = (
@@ -12,4 +25,8 @@ RECORDINGS: tuple[Reader, ...] = (
     scannet.READER,
     replica.READER,
     tum.READER,
+    seven_scenes.READER,
+    monosdf.READER,
+    bop.READER,
+    holoscene.READER,
 )

@@ -54,6 +54,18 @@ def jpeg_of(view: RoomView) -> bytes:
     return encoded.getvalue()
 
 
+def normals_of(view: RoomView) -> Float32[np.ndarray, "h w 3"]:
+    """Unit normals towards the camera, camera axes, from differences of depth; NaN where there is none."""
+    depth = view.depth().astype(np.float64)
+    x = (np.arange(view.width) + 0.5 - view.centre_px[0]) / view.focal_px[0]
+    y = (np.arange(view.height) + 0.5 - view.centre_px[1]) / view.focal_px[1]
+    rays = np.stack([*np.meshgrid(x, y), np.ones(depth.shape)], -1)
+    points = rays * depth[..., None]
+    normals = np.cross(np.gradient(points, axis=1), np.gradient(points, axis=0))
+    normals *= -np.sign((normals * rays).sum(-1, keepdims=True))
+    return (normals / np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-12)).astype(np.float32)
+
+
 def wall_of(room: RoomCapture) -> int:
     """An id for the room, in formats where walls are an instance like any other: the first that no object has."""
     return 1 + max([0, *room.names, *(int(view.ids().max()) for view in room.views)])

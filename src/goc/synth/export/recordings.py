@@ -1,6 +1,19 @@
 """Exporters of what phones and RGB-D data sets record."""
 
-from goc.synth.export import arkitscenes, polycam, record3d, replica, scanner_app, scannet, tum
+from goc.synth.export import (
+    arkitscenes,
+    bop,
+    gaussian_grouping,
+    holoscene,
+    monosdf,
+    polycam,
+    record3d,
+    replica,
+    scanner_app,
+    scannet,
+    seven_scenes,
+    tum,
+)
 from goc.synth.export.exporter import Exporter
 
 RECORDINGS: tuple[Exporter, ...] = (
@@ -13,4 +26,9 @@ RECORDINGS: tuple[Exporter, ...] = (
     replica.EXPORTER,
     replica.VMAP,
     tum.EXPORTER,
+    seven_scenes.EXPORTER,
+    monosdf.EXPORTER,
+    bop.EXPORTER,
+    holoscene.EXPORTER,
+    gaussian_grouping.EXPORTER,
 )
