@@ -12,6 +12,7 @@ from goc.capture.readers import (
     scannet,
     sens,
     seven_scenes,
+    stray,
     tum,
 )
 from goc.capture.readers.reader import Reader
@@ -19,6 +20,7 @@ from goc.capture.readers.reader import Reader
 RECORDINGS: tuple[Reader, ...] = (
     record3d.READER,
     polycam.READER,
+    stray.READER,
     scanner_app.READER,
     arkitscenes.READER,
     sens.READER,

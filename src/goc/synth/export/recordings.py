@@ -12,6 +12,7 @@ from goc.synth.export import (
     scanner_app,
     scannet,
     seven_scenes,
+    stray,
     tum,
 )
 from goc.synth.export.exporter import Exporter
@@ -19,6 +20,7 @@ from goc.synth.export.exporter import Exporter
 RECORDINGS: tuple[Exporter, ...] = (
     polycam.EXPORTER,
     record3d.EXPORTER,
+    stray.EXPORTER,
     scanner_app.EXPORTER,
     arkitscenes.EXPORTER,
     scannet.EXPORTER,
