@@ -14,6 +14,7 @@ void bind_multiview(nb::module_& module);
 void bind_noise(nb::module_& module);
 void bind_raster(nb::module_& module);
 void bind_raycast(nb::module_& module);
+void bind_register(nb::module_& module);
 void bind_simplify(nb::module_& module);
 void bind_stereo(nb::module_& module);
 }
@@ -31,6 +32,7 @@ NB_MODULE(_native, module) {
   goc::bind_noise(module);
   goc::bind_raster(module);
   goc::bind_raycast(module);
+  goc::bind_register(module);
   goc::bind_simplify(module);
   goc::bind_stereo(module);
 }

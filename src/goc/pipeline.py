@@ -5,6 +5,7 @@ from pathlib import Path
 
 import torch
 
+from goc.align import AlignConfig, align
 from goc.capture import CaptureConfig, load_capture
 from goc.complete import CompleteConfig, check_completion, complete_objects
 from goc.device import DeviceName, working_device
@@ -30,6 +31,8 @@ class CarveConfig:
     (a trial view decides), else the processor."""
     capture: CaptureConfig = field(default_factory=CaptureConfig)
     """Reading the capture."""
+    align: AlignConfig = field(default_factory=AlignConfig)
+    """Correcting cameras and photographs, where views do not agree."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     """Telling objects apart, where the capture has no ids."""
     priors: PriorsConfig = field(default_factory=PriorsConfig)
@@ -85,12 +88,15 @@ def carve(
     with claim_output(out, config.export.overwrite, resume) as output:
         with run.stage("capture"):
             capture = given = load_capture(source, config.capture, run)
+        train, _ = split_views(len(given), config.reconstruct.holdout_every)
+        if given.has_metric_depth:
+            with run.stage("align"):
+                capture = align(given, config.align, train, run)
         if given.has_metric_depth and not given.has_ids:
             with run.stage("segment"):
-                capture = segment(given, config.segment, run)
+                capture = segment(capture, config.segment, run)
         if not given.has_metric_depth:
             with run.stage("priors"):
-                train, _ = split_views(len(capture), config.reconstruct.holdout_every)
                 capture = add_priors(capture, config.priors, run, train)
         with run.stage("reconstruct"):
             splats = reconstruct(capture, config.reconstruct, run, output.checkpoint, output.resumes, engine=engine)

@@ -1,6 +1,5 @@
 """Stage 2: Capture → Reconstruction."""
 
-import math
 from pathlib import Path
 
 import torch
@@ -9,11 +8,12 @@ from torch import Tensor
 
 from goc.device import CPU, one_torch_thread
 from goc.errors import ReconstructError
-from goc.events import Listener, Progress, Warned, ignore
-from goc.raster import NATIVE, Engine, render
+from goc.events import Listener, Warned, ignore
+from goc.raster import NATIVE, Engine
 from goc.reconstruct.config import ReconstructConfig
 from goc.reconstruct.geometry_prior import geometry_priors
 from goc.reconstruct.labels import capture_ids, classified_views, feature_width, new_classifier, vote_labels
+from goc.reconstruct.measure import measure
 from goc.reconstruct.monocular import ALIGNMENT, aligned_capture, alignment_of
 from goc.reconstruct.optimise import optimise
 from goc.reconstruct.pairs import Pairs, view_pairs
@@ -87,9 +87,11 @@ def _reconstruct(task: Task, notify: Listener, checkpoint: Path | None, resume: 
     state = optimise(task, begin, notify, checkpoint, resume)
     gaussians = state.gaussians().detached()
     metrics = {"iterations": float(config.iterations), "splats": float(len(gaussians))}
-    metrics |= _measure(gaussians, capture, held_out, "held_out", notify)
+    if capture.alignment is not None:
+        metrics |= capture.alignment.metrics
+    metrics |= measure(gaussians, capture, held_out, "held_out", notify)
     if not held_out:
-        metrics |= _measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)
+        metrics |= measure(gaussians, capture, train[:: max(1, len(train) // 10)], "train", notify)
     labels = _labels(state, gaussians, task, notify)
     return Reconstruction(gaussians=gaussians.to(CPU), labels=labels, metrics=metrics)
 
@@ -135,28 +137,6 @@ def _with_features(gaussians: Gaussians, task: Task) -> State:
     state.parameters["identity"] = features.requires_grad_()
     state.first["identity"], state.second["identity"] = torch.zeros_like(features), torch.zeros_like(features)
     return state
-
-
-@torch.no_grad()
-def _measure(gaussians: Gaussians, capture: Capture, views: list[int], name: str, notify: Listener) -> dict[str, float]:
-    """Mean PSNR (dB) and mean depth error (metres) over the views."""
-    if not views:
-        return {}
-    psnrs, depth_errors = [], []
-    for done, view in enumerate(views, 1):
-        frame = capture[view]
-        shown = render(gaussians, frame.camera)
-        squares = (shown.colour.cpu() - frame.image.float() / 255.0).square()
-        error = (squares if frame.valid is None else squares[frame.valid]).mean().clamp_min(1e-10)
-        psnrs.append(-10.0 * math.log10(error.item()))
-        if frame.depth is not None and capture.has_metric_depth:
-            difference = (shown.plane_depth.cpu() - frame.depth).abs()
-            depth_errors.append(difference[torch.isfinite(difference)].median().item() / capture.units_per_metre)
-        notify(Progress(stage="measure", done=done, total=len(views)))
-    found = {f"{name}_psnr_db": sum(psnrs) / len(psnrs), f"{name}_views": float(len(views))}
-    if depth_errors:
-        found[f"{name}_median_depth_error_m"] = sum(depth_errors) / len(depth_errors)
-    return found
 
 
 def _labels(state: State, gaussians: Gaussians, task: Task, notify: Listener) -> Int16[Tensor, "n"]:

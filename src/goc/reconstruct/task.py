@@ -42,6 +42,7 @@ class Task:
             "config": asdict(self.config),
             "views": [capture.view_names[view] for view in self.views],
             "priors": "" if capture.priors is None else capture.priors.settings,
+            "alignment": "" if capture.alignment is None else capture.alignment.settings,
         }
         return hashlib.sha256(msgspec.json.encode(described, order="sorted")).hexdigest()
 

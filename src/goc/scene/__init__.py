@@ -5,6 +5,7 @@ from goc.scene.camera import Camera
 from goc.scene.capture import (
     ROOM,
     UNLABELLED,
+    Alignment,
     Capture,
     DepthKind,
     Frame,
@@ -25,6 +26,7 @@ from goc.scene.world import World
 __all__ = [
     "ROOM",
     "UNLABELLED",
+    "Alignment",
     "Camera",
     "Capture",
     "CapturePriors",

@@ -66,6 +66,25 @@ class StoredFrames:
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
+class Alignment:
+    """Result of `goc.align.align`: what its capture was before, and what was measured of it."""
+
+    cameras: tuple[Camera, ...]
+    """As the capture gave them."""
+    frames: FrameSource
+    """Views as the capture gave them."""
+    moved: bool
+    """Whether cameras were corrected."""
+    exposure: Float[Tensor, "n 3 2"] | None
+    """Gain and offset of each channel of each photograph: given = gain · corrected + offset, 0 to 1. None where
+    photographs are as they were."""
+    metrics: dict[str, float] = field(default_factory=dict[str, float])
+    """What was measured of the views' disagreement, by name."""
+    settings: str = ""
+    """What it was made with, as JSON: a stopped run goes on with the same settings only."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
 class PointCloud:
     """Coloured points in the world, for example the sparse points of structure from motion."""
 
@@ -99,6 +118,8 @@ class Capture:
     """Names of objects by id, where the capture gives them."""
     priors: CapturePriors | None = None
     """Result of `goc.priors.add_priors`; None before it ran."""
+    alignment: Alignment | None = None
+    """Result of `goc.align.align`; None before it ran, or where it had nothing to look at."""
     units_per_metre: float = 1.0
     """Scene units in a metre: a length in metres times this is a length in scene units. 1 where the capture is metric,
     otherwise a guess from the camera path, so that thresholds can be stated in metres. The word means the same of
