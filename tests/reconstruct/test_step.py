@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager, nullcontext
 from dataclasses import replace
 
+import numpy as np
 import pytest
 import torch
 from torch.utils._python_dispatch import TorchDispatchMode
@@ -17,6 +18,8 @@ from goc.capture import CaptureConfig, load_capture
 from goc.device import CPU
 from goc.errors import ConfigError, ReconstructError
 from goc.events import ignore
+from goc.extract import rendered_views
+from goc.files import write_png
 from goc.geometry.monocular import EPOCH
 from goc.priors.monocular import align_views
 from goc.raster import NATIVE
@@ -29,8 +32,9 @@ from goc.reconstruct.state import initial_state
 from goc.reconstruct.step import TrainingStep
 from goc.reconstruct.task import Task
 from goc.reconstruct.training_views import UploadedViews
-from goc.scene import Capture, CapturePriors, CoarseDepth, Gaussians, Reconstruction
+from goc.scene import UNLABELLED, Capture, CapturePriors, CoarseDepth, Gaussians, Reconstruction
 
+PINK = (255, 0, 160)
 ON_DEVICE = replace(NATIVE, fused=False)
 STILL = Mcmc(max_splats=600, every=5, noise=0.0)
 """Without noise, which native steps draw for fewer splats."""
@@ -323,3 +327,38 @@ def test_a_loss_that_is_not_finite_is_named_at_the_next_look(capture):
 
     with pytest.raises(ReconstructError, match=r"images/.*: the loss is not finite at step 0"):
         reconstruct(replace(capture, frames=spoilt), BASE, engine=ON_DEVICE)
+
+
+def pink_capture(folder, masked):
+    """The left third of every photograph is pink, which nothing in the room is."""
+
+    def change(document):
+        for number, frame in enumerate(document["frames"]):
+            pixels = captures.see(captures.poses(4)[number]).image.copy()
+            pixels[:, :20] = PINK
+            write_png(folder / frame["file_path"], pixels)
+            if masked:
+                frame["mask_path"] = "mask.png"
+
+    mask = np.full((48, 64), 255, np.uint8)
+    mask[:, :20] = 0
+    write_png(folder / "mask.png", mask)
+    return load_capture(captures.write_nerfstudio(folder, views=4, change=change))
+
+
+@pytest.mark.parametrize("engine", [NATIVE, ON_DEVICE], ids=["native", "torch"])
+def test_what_a_mask_leaves_out_is_neither_seeded_nor_learned(tmp_path, engine):
+    config = replace(BASE, iterations=12, losses=Losses(photometric=0.0, geometric=0.0))
+    shares = []
+    for masked in (True, False):
+        folder = tmp_path / str(masked)
+        folder.mkdir()
+        capture = pink_capture(folder, masked)
+        made = reconstruct(capture, config, engine=engine)
+        colours = made.gaussians.sh[:, 0] * 0.28209479 + 0.5
+        shares.append(((colours - torch.tensor(PINK) / 255).abs().amax(-1) < 0.15).float().mean().item())
+        if masked:
+            views = rendered_views(made, capture)
+            assert views[1].depth[:, :20].isnan().all() and (views[1].ids[:, :20] == UNLABELLED).all()
+            assert views[1].depth[:, 24:].isfinite().float().mean() > 0.5
+    assert shares[0] < 0.01 < 0.1 < shares[1]

@@ -4,11 +4,14 @@ import math
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 import captures
 from captures import BENT, LENS, corners, poses, see, write_nerfstudio
 from fuzz import mutants
 from goc.capture import CaptureConfig, load_capture
+from goc.capture.intrinsics import Intrinsics
+from goc.capture.intrinsics import lens_of as lens_of_intrinsics
 from goc.capture.source import Lens
 from goc.errors import CaptureError, FileError
 from goc.files import write_depth, write_ids, write_png
@@ -425,3 +428,98 @@ def test_decoding_twice_gives_the_same(tmp_path, lens):
     first, second = load_capture(tmp_path)[0], load_capture(tmp_path)[0]
     assert torch.equal(first.image, second.image)
     assert torch.equal(first.ids, second.ids)
+
+
+def renamed(**names):
+    """Give keys of all frames other names."""
+
+    def change(document):
+        for frame in document["frames"]:
+            for old, new in names.items():
+                frame[new] = frame.pop(old)
+
+    return change
+
+
+def test_instant_ngps_depth_is_read_under_its_names(tmp_path):
+    def change(document):
+        renamed(depth_file_path="depth_path")(document)
+        document.pop("depth_unit_scale_factor")
+        document["integer_depth_scale"] = 0.002
+        for row in (row for frame in document["frames"] for row in frame["transform_matrix"]):
+            row[:] = [value * 0.5 for value in row]  # homogeneous: [3][3] is 0.5
+
+    write_nerfstudio(tmp_path, views=2, change=change)
+    capture = load_capture(tmp_path)
+    np.testing.assert_allclose(capture[0].depth.numpy(), 2 * see(poses(2)[0]).depth, atol=2e-3)
+    np.testing.assert_allclose(capture.cameras[1].world_from_cam.numpy(), poses(2)[1], atol=1e-6)
+    edit(tmp_path, lambda document: document.update(enable_depth_loading=False))
+    assert not load_capture(tmp_path).has_depth
+
+
+@pytest.mark.parametrize(("scale", "stated"), [(1.0, None), (1000.0, None), (4.0, 0.25)])
+def test_fractions_are_metres_unless_their_size_or_the_file_says_otherwise(tmp_path, scale, stated):
+    def change(document):
+        document["depth_unit_scale_factor"] = stated
+        for number, frame in enumerate(document["frames"]):
+            frame["depth_file_path"] = f"depth/{number}.npy"
+            np.save(tmp_path / frame["depth_file_path"], (see(poses(2)[number]).depth * scale).astype(np.float32))
+
+    write_nerfstudio(tmp_path, views=2, change=change)
+    np.testing.assert_allclose(load_capture(tmp_path)[1].depth.numpy(), see(poses(2)[1]).depth, rtol=1e-5)
+
+
+def test_distortion_may_be_listed_in_nerfstudios_order(tmp_path):
+    write_nerfstudio(tmp_path / "named", views=2, lens=BENT)
+
+    def change(document):
+        document["distortion_params"] = [document.pop(name) for name in ("k1", "k2", "k3", "k4", "p1", "p2")]
+
+    write_nerfstudio(tmp_path / "listed", views=2, lens=BENT, change=change)
+    named, listed = load_capture(tmp_path / "named"), load_capture(tmp_path / "listed")
+    assert torch.equal(named[0].image, listed[0].image) and torch.equal(named[0].depth, listed[0].depth)
+
+
+@pytest.mark.parametrize(
+    ("model", "kind"), [("OPENCV_FISHEYE", "fisheye"), ("FISHEYE", "fisheye"), ("FULL_OPENCV", "perspective")]
+)
+def test_camera_models_become_lenses(model, kind):
+    shared = Intrinsics(
+        camera_model=model, w=64, h=48, fl_x=50.0, k1=0.1, k2=0.2, k3=0.3, k4=0.4, fisheye_crop_radius=20.0
+    )
+    lens = lens_of_intrinsics(shared, Intrinsics(k2=0.5), None)
+    assert lens.projection == kind
+    if kind == "fisheye":
+        assert lens.radial == (0.1, 0.5, 0.3, 0.4) and lens.circle_px == 20
+    else:
+        assert (lens.radial, lens.denominator) == ((0.1, 0.5, 0.3), (0.4, 0.0, 0.0))
+
+
+def test_files_are_found_under_the_spellings_of_programs(tmp_path):
+    """Windows' backslashes, no suffix, images_2 alone, and photographs that were uploaded flat."""
+    spellings = ["images\\0000.png", "./images/0001", "images/0002.png", "elsewhere/0003.png"]
+
+    def change(document):
+        for frame, name in zip(document["frames"], spellings, strict=True):
+            frame["file_path"] = name
+        document["frames"][0]["depth_file_path"] = "depth\\0000.png"
+
+    write_nerfstudio(tmp_path, views=4, change=change)
+    half = np.asarray(Image.open(tmp_path / "images/0002.png").resize((32, 24)))
+    write_png(tmp_path / "images_2/0002.png", half)
+    (tmp_path / "images/0002.png").unlink()
+    (tmp_path / "images/0003.png").rename(tmp_path / "0003.png")
+    capture = load_capture(tmp_path)
+    assert [camera.width for camera in capture.cameras] == [64, 64, 32, 64]
+    np.testing.assert_allclose(capture.cameras[2].focal_px.numpy(), [25.0, 25.5])
+    assert capture[0].depth.isfinite().all() and capture[0].ids is not None
+
+
+def test_blenders_lists_are_read_one_at_a_time(tmp_path):
+    write_nerfstudio(tmp_path, views=2)
+    (tmp_path / "transforms.json").rename(tmp_path / "transforms_train.json")
+    (tmp_path / "transforms_test.json").write_text((tmp_path / "transforms_train.json").read_text())
+    heard = []
+    assert len(load_capture(tmp_path, notify=heard.append)) == 2
+    expected = "transforms_train.json is read; the views of transforms_test.json are not used"
+    assert [event.message for event in heard] == [expected]
