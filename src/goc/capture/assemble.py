@@ -50,7 +50,8 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     offset = offset_of([view.world_from_cam for view in views])
     views = without_offset(source.path, views, offset, notify)
     cameras = _cameras(source, views, config)
-    frames = layers(source, views, cameras, kind)
+    scan = None if source.scan is None else source.scan.wanted(config.use_depth, config.use_ids, offset)
+    frames = layers(replace(source, scan=scan), views, cameras, kind)
     metric = measured if source.metric is None else source.metric
     units_per_metre = config.units_per_metre
     if units_per_metre is None:
@@ -59,8 +60,8 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         cameras=cameras,
         view_names=tuple(view.name for view in views),
         frames=ViewCache(CutOuts(below=frames) if cut_out else frames, config.cache_mb << 20),
-        has_depth=any(view.depth is not None for view in views),
-        has_ids=cut_out or bool(images),
+        has_depth=any(view.depth is not None for view in views) or (scan is not None and scan.depth),
+        has_ids=cut_out or bool(images) or (scan is not None and scan.ids is not None),
         depth_kind="metric" if kind == "distance" else kind,
         points=points_without(source.points, offset),
         id_names=source.id_names if config.use_ids else {},

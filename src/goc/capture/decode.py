@@ -15,6 +15,7 @@ from goc.capture.distortion import Pinhole, pinhole_of
 from goc.capture.masks import ids_of
 from goc.capture.pixels import Pixels, codes_in, numbers_in, path_of
 from goc.capture.rasters import coloured, nearest
+from goc.capture.scan import WithScan
 from goc.capture.source import IdCodes, Lens, Source, StoredDepthKind, View
 from goc.errors import CaptureError
 from goc.files import depth_of, picture_size, read_normals, read_picture
@@ -165,6 +166,8 @@ def layers(source: Source, views: tuple[View, ...], cameras: tuple[Camera, ...],
         frames = WithIds(below=frames, views=views, codes=source.id_codes)
     if any(view.normals is not None for view in views):
         frames = WithNormals(below=frames, views=views)
+    if source.scan is not None:
+        frames = WithScan(below=frames, scan=source.scan)
     return frames
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float64, UInt8
 
 from goc.capture.lens import Lens, Projection, equirectangular
 from goc.capture.pixels import Pixels, Stored
+from goc.capture.scan import Scan
 from goc.errors import CaptureError
 from goc.files import MILLIMETRES
 from goc.scene import UNLABELLED, PointCloud
@@ -20,6 +21,7 @@ __all__ = [
     "Lens",
     "Pixels",
     "Projection",
+    "Scan",
     "Source",
     "Stored",
     "StoredDepthKind",
@@ -102,6 +104,9 @@ class Source:
     points: PointCloud | FarPoints | None = None
     metric: bool | None = None
     """Whether the poses are known to be in metres. None: where there is metric depth."""
+    scan: Scan | None = None
+    """Surface that a scanner measured, in the world of the poses: views see their ids on it, and their depth where they
+    have none."""
     up: tuple[float, float, float] | None = None
     """Which way is up in the world, to a few degrees, where the format says it."""
 

@@ -36,23 +36,32 @@ def video_frames(video: Path, step: int, notify: Listener) -> dict[int, Path]:
     Raises:
         FileError: the video is missing or damaged, the disk is full, or nothing here can decode videos.
     """
-    folder = _root() / f"{_plain(video.stem)}-{_digest(video, step)}"
-    if not is_folder(folder):
-        _fill(folder, video, partial(_decoder(video), video, step, notify))
-        taken = sum(file.stat().st_size for file in folder.iterdir())
-        place = f"{folder} ({taken / 1e6:.0f} MB), which may be deleted afterwards"
-        notify(Warned(stage="capture", message=f"frames of {shown(video.name)} are in {place}"))
+    fill = partial(_decode, video, step, notify)
+    folder = unpacked_once(video, str(step), fill, notify)
     return {int(file.stem): file for file in sorted(folder.glob("*.jpg"))}
 
 
-def _fill(folder: Path, video: Path, decode: Callable[[Path], None]) -> None:
-    """Decode into a folder that appears under its name only when all went well."""
+def unpacked_once(packed: Path, key: str, fill: Callable[[Path], None], notify: Listener) -> Path:
+    """The folder that holds what was taken out of a file; made where it is not there yet.
+
+    Args:
+        packed: the file.
+        key: tells apart what is taken out of one file in different ways.
+        fill: writes into the new folder it is given, which gets its name only when that ends well.
+        notify: hears where the folder is and how large, the first time.
+
+    Raises:
+        FileError: the file is missing, the disk is full, or what `fill` raises.
+    """
+    folder = _root() / f"{_plain(packed.stem)}-{_digest(packed, key)}"
+    if is_folder(folder):
+        return folder
     temporary = folder.with_name(f".{folder.name}.{secrets.token_hex(4)}")
     try:
         temporary.mkdir(parents=True)
-        decode(temporary)
+        fill(temporary)
         if not any(temporary.iterdir()):
-            raise FileError(f"{video}: no frame can be decoded. Copy or export it again.")
+            raise FileError(f"{packed}: no frame can be decoded. Copy or export it again.")
         if not is_folder(folder):  # or another process was faster
             temporary.rename(folder)
     except OSError as error:
@@ -60,6 +69,14 @@ def _fill(folder: Path, video: Path, decode: Callable[[Path], None]) -> None:
         raise FileError(f"{folder}: cannot be written ({error.strerror}). {remedy}") from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+    taken = sum(file.stat().st_size for file in folder.iterdir())
+    place = f"{folder} ({taken / 1e6:.0f} MB), which may be deleted afterwards"
+    notify(Warned(stage="capture", message=f"frames of {shown(packed.name)} are in {place}"))
+    return folder
+
+
+def _decode(video: Path, step: int, notify: Listener, folder: Path) -> None:
+    _decoder(video)(video, step, notify, folder)
 
 
 def _decoder(video: Path) -> Callable[[Path, int, Listener, Path], None]:
@@ -108,10 +125,10 @@ def _root() -> Path:
     return (Path(stated) if stated.startswith("/") else Path.home() / ".cache") / "goc" / "captures"
 
 
-def _digest(video: Path, step: int) -> str:
+def _digest(video: Path, key: str) -> str:
     try:
         status = video.stat()
-        words = (_LAYOUT, step, video.resolve(), status.st_size, status.st_mtime_ns)
+        words = (_LAYOUT, key, video.resolve(), status.st_size, status.st_mtime_ns)
     except OSError as error:
         raise FileError(f"{video}: cannot be read ({error.strerror}). Check the path.") from error
     return hashlib.sha256("\n".join(map(str, words)).encode("utf-8", "surrogateescape")).hexdigest()[:16]

@@ -36,7 +36,11 @@ def _write_binary(room: RoomCapture, out: Path) -> None:
 
 def _write_text(room: RoomCapture, out: Path) -> None:
     _write_pixels(room, out)
-    sparse = out / "sparse" / "0"
+    write_model(room, out / "sparse" / "0")
+
+
+def write_model(room: RoomCapture, sparse: Path) -> None:
+    """Write cameras, images and points3D in .txt."""
     cameras = ["# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]"]
     images = ["# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME", "# POINTS2D[] as (X, Y, POINT3D_ID)"]
     for number, view in enumerate(room.views, 1):
