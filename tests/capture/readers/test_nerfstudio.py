@@ -14,7 +14,7 @@ from goc.capture.intrinsics import Intrinsics
 from goc.capture.intrinsics import lens_of as lens_of_intrinsics
 from goc.capture.source import Lens
 from goc.errors import CaptureError, FileError
-from goc.files import write_depth, write_ids, write_png
+from goc.files import write_depth, write_ids, write_ply, write_png
 from goc.geometry.normals import normals_from_depth
 from goc.scene import UNLABELLED
 
@@ -523,3 +523,19 @@ def test_blenders_lists_are_read_one_at_a_time(tmp_path):
     assert len(load_capture(tmp_path, notify=heard.append)) == 2
     expected = "transforms_train.json is read; the views of transforms_test.json are not used"
     assert [event.message for event in heard] == [expected]
+
+
+def test_points_on_a_national_grid_keep_their_digits(tmp_path):
+    far = np.array([400_000.0, 5_800_000.0, 10.0])
+
+    def change(document):
+        for frame in document["frames"]:
+            for axis in range(3):
+                frame["transform_matrix"][axis][3] += far[axis]
+
+    write_nerfstudio(tmp_path, views=2, change=change)
+    places = captures.corners().positions.astype(np.float64) + 0.001
+    columns = {axis: places[:, place] + far[place] for place, axis in enumerate("xyz")}
+    write_ply(tmp_path / "points.ply", {"vertex": columns})
+    capture = load_capture(tmp_path)
+    np.testing.assert_allclose(capture.points.positions + (np.array(capture.offset) - far), places, atol=1e-5)

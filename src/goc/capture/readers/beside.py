@@ -2,13 +2,18 @@
 
 from pathlib import Path, PurePosixPath
 
-from goc.capture.source import parse_id_names
-from goc.files import is_file, read_json
+import numpy as np
+
+from goc.capture.source import FarPoints, parse_id_names
+from goc.files import is_file, read_json, read_ply, read_points
+from goc.scene import PointCloud
 
 ID_FOLDERS = ("instance", "instance_mask", "object_mask")
 _SUFFIXES = (".png", ".jpg", ".jpeg", ".PNG", ".JPG", ".JPEG", ".heic", ".HEIC", ".webp", ".tif", ".tiff")
 _ID_SUFFIXES = (".png", ".tif", ".tiff", ".npy")
 _NO_PHOTOGRAPHS = {*ID_FOLDERS, "masks", "mask", "depth", "depths", "normals", "normal"}
+_FAR = 1000.0
+"""float32 keeps positions beyond to a tenth of a millimetre at best."""
 _SCALED = ("images_2", "images_4", "images_8")
 
 
@@ -47,6 +52,16 @@ def ids_beside(root: Path, inner: Path) -> Path | None:
                 if is_file(root / folder / name):
                     return root / folder / name
     return None
+
+
+def seed_points(path: Path) -> PointCloud | FarPoints:
+    """Points of a PLY file, in double precision where they are far from the origin; raises FileError."""
+    points = read_points(path)
+    if np.abs(points.positions).max() < _FAR:
+        return points
+    vertex = read_ply(path)["vertex"]
+    positions = np.stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"], 1)
+    return FarPoints(positions=positions, colours=points.colours)
 
 
 def names_beside(root: Path) -> dict[int, str]:

@@ -13,12 +13,12 @@ from goc.capture.config import CaptureConfig
 from goc.capture.intrinsics import Intrinsics, LensError, lens_of
 from goc.capture.pixels import numbers_in
 from goc.capture.poses import OPENCV_FROM_OPENGL, PoseError, rigid
-from goc.capture.readers.beside import ids_beside, image_named, names_beside
+from goc.capture.readers.beside import ids_beside, image_named, names_beside, seed_points
 from goc.capture.readers.reader import Reader
 from goc.capture.source import Source, StoredDepthKind, View, complain, count_of, shown
 from goc.errors import CaptureError
 from goc.events import Listener, Warned
-from goc.files import is_file, is_folder, read_json, read_points
+from goc.files import is_file, is_folder, read_json
 
 _MILLIMETRE = 0.001
 _FRACTIONS = (".npy", ".npz", ".exr", ".pfm")
@@ -80,7 +80,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         depth_units_per_metre=1.0 / _depth_unit(path, document, views, config),
         depth_kind=document.depth_kind,
         id_names=names_beside(root),
-        points=None if document.ply_file_path is None else read_points(root / document.ply_file_path),
+        points=None if document.ply_file_path is None else seed_points(root / document.ply_file_path),
     )
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from goc.capture.config import CaptureConfig
+from goc.capture.pixels import path_of
 from goc.capture.readers.labels import classes_of, table_of
 from goc.capture.readers.reader import Reader
 from goc.capture.readers.recording import CENTRE, COLOUR, demand, first_with, numbered, posed, thinned, warn
@@ -151,7 +152,9 @@ def _labelled(source: Source, path: Path, notify: Listener) -> Source:
     stated = first_with(path, ["info_semantic.json", "habitat/info_semantic.json"])
     objects = read_json(stated, _Semantics).objects if stated else []
     pairs = [
-        (view.ids, classes[number]) for view in source.views if view.ids and (number := _number(view.ids)) in classes
+        (view.ids, classes[number])
+        for view in source.views
+        if view.ids and (number := _number(path_of(view.ids))) in classes
     ]
     kinds = classes_of(pairs)
     rooms = {instance for instance, kind in kinds.items() if kind in _ROOM_CLASSES}
