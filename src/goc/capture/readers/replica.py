@@ -151,11 +151,8 @@ def _labelled(source: Source, path: Path, notify: Listener) -> Source:
     classes = numbered(path / "semantic_class", (".png",))
     stated = first_with(path, ["info_semantic.json", "habitat/info_semantic.json"])
     objects = read_json(stated, _Semantics).objects if stated else []
-    pairs = [
-        (view.ids, classes[number])
-        for view in source.views
-        if view.ids and (number := _number(path_of(view.ids))) in classes
-    ]
+    numbers = [(view.ids, _number(path_of(view.ids))) for view in source.views if view.ids]
+    pairs = [(ids, classes[number]) for ids, number in numbers if number in classes]
     kinds = classes_of(pairs)
     rooms = {instance for instance, kind in kinds.items() if kind in _ROOM_CLASSES}
     if not classes:
