@@ -53,9 +53,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     scan = None if source.scan is None else source.scan.wanted(config.use_depth, config.use_ids, offset)
     frames = layers(replace(source, scan=scan), views, cameras, kind)
     metric = measured if source.metric is None else source.metric
-    units_per_metre = config.units_per_metre
-    if units_per_metre is None:
-        units_per_metre = 1.0 if metric else guess_units_per_metre([view.world_from_cam for view in views])
+    guessed = 1.0 if metric else guess_units_per_metre([view.world_from_cam for view in views])
     return Capture(
         cameras=cameras,
         view_names=tuple(view.name for view in views),
@@ -65,7 +63,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         depth_kind="metric" if kind == "distance" else kind,
         points=points_without(source.points, offset),
         id_names=source.id_names if config.use_ids else {},
-        units_per_metre=units_per_metre,
+        units_per_metre=guessed if config.units_per_metre is None else config.units_per_metre,
         metric=metric or config.units_per_metre is not None,
         up=source.up,
         offset=offset,
