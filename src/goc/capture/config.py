@@ -1,8 +1,9 @@
 """Settings of the readers."""
 
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from typing import Annotated, Literal
 
+from goc.capture.convention import Convention
 from goc.capture.source import StoredDepthKind
 from goc.settings import Count, CountOrNone, Positive, Range, Settings
 
@@ -35,3 +36,8 @@ class CaptureConfig(Settings):
     """Scene units in one metre, where you know it. Default: 1 with metric depth, else guessed from the camera path."""
     cache_mb: CountOrNone = 512
     """Memory for decoded views, in MiB; views beyond it are decoded again when asked for."""
+    checks: Literal["refuse", "warn", "off"] = "refuse"
+    """What becomes of captures that contradict themselves (views that do not agree through depth, a unit that no room
+    has, ids that are none). refuse: an error. warn: a warning, also in report.json. off: nothing is checked."""
+    convention: Convention = field(default_factory=Convention)
+    """How stored numbers are meant, where the capture says otherwise or nothing."""

@@ -3,7 +3,9 @@
 from pathlib import Path
 
 from goc.capture.assemble import assemble
+from goc.capture.checks import check_capture
 from goc.capture.config import CaptureConfig
+from goc.capture.convention import restated
 from goc.capture.readers import FORMATS, RECORDINGS
 from goc.errors import CaptureError
 from goc.events import Listener, ignore
@@ -14,7 +16,9 @@ _SHOWN = 6
 
 
 def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listener = ignore) -> Capture:
-    """Read a folder of posed images; images are decoded later, when asked for.
+    """Read a folder of posed images and check that its numbers mean what they say.
+
+    Images are decoded later, when asked for, apart from a few that are checked.
 
     Args:
         path: a folder of any format of FORMATS, or a transforms file itself (transforms_sparse.json).
@@ -26,14 +30,18 @@ def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listen
         unless its kind says otherwise.
 
     Raises:
-        CaptureError: files contradict each other, are missing, or nothing here is a capture.
-        FileError: one file is malformed. Damaged pixels show only when that view is decoded.
+        CaptureError: files contradict each other, are missing, or nothing here is a capture; or its views do not
+            agree with each other (`goc.capture.checks`).
+        FileError: one file is malformed. Damaged pixels may show only when that view is decoded.
     """
     config = config or CaptureConfig()
     reader = next((reader for reader in FORMATS if reader.detect(path)), None)
     if reader is None:
         raise CaptureError(_nothing_found(path))
-    return assemble(reader.read(path, config, notify), config, notify)
+    source = restated(reader.read(path, config, notify), config.convention)
+    capture = assemble(source, config, notify)
+    check_capture(source, capture, config, notify)
+    return capture
 
 
 def _nothing_found(path: Path) -> str:

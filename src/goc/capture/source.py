@@ -16,10 +16,12 @@ from goc.files import MILLIMETRES
 from goc.scene import UNLABELLED, PointCloud
 
 __all__ = [
+    "CameraAxes",
     "FarPoints",
     "IdCodes",
     "Lens",
     "Pixels",
+    "PoseDirection",
     "Projection",
     "Scan",
     "Source",
@@ -36,6 +38,11 @@ __all__ = [
 StoredDepthKind = Literal["metric", "distance", "affine", "inverse"]
 """Meaning of stored depth: `DepthKind`, or the distance to the camera's centre along each pixel's ray."""
 _LONGEST_NAME = 120
+
+PoseDirection = Literal["camera-to-world", "world-to-camera"]
+CameraAxes = Literal["opencv", "opengl", "ros"]
+"""opencv: x right, y down, z forward. opengl, also of Blender and ARKit: x right, y up, z back. ros, of robots' bodies:
+x forward, y left, z up."""
 
 
 @dataclass(frozen=True)
@@ -109,6 +116,10 @@ class Source:
     have none."""
     up: tuple[float, float, float] | None = None
     """Which way is up in the world, to a few degrees, where the format says it."""
+    direction: PoseDirection = "camera-to-world"
+    """What the poses in the files map from and to; those of `views` are world from camera."""
+    axes: CameraAxes = "opencv"
+    """Camera axes of the poses in the files; those of `views` are OpenCV's."""
 
 
 def complain(where: Path | str, culprits: Sequence[str], total: int, what: str, remedy: str) -> CaptureError:

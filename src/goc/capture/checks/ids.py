@@ -1,0 +1,148 @@
+"""Checks of instance ids: what is no coding of objects at all, and what does not hold still."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+import scipy.ndimage
+import torch
+from jaxtyping import Int16
+
+from goc.capture.checks.finding import Finding, contradiction, doubt
+from goc.capture.checks.sample import Sample
+from goc.capture.source import count_of, shown
+from goc.scene import ROOM, UNLABELLED, Frame
+
+_LOSSY = (".jpg", ".jpeg", ".webp")
+_MANY = 200
+"""Ids in one view, from which on they are hardly things."""
+_THIN_IDS, _THIN_SHARE = 4, 0.4
+"""Ids in the median view that exist only along edges, and their share of its ids, from which on they are mixtures."""
+_SAME, _SAME_SURELY = 0.85, 0.35
+"""Share of points of objects whose id is the same in another view."""
+_FEWEST = 150
+_CLOSE = 0.03
+
+
+def id_findings(sample: Sample) -> Iterator[Finding]:
+    """What ids tell of themselves, and from view to view."""
+    images = [
+        (sample.capture.view_names[row], frame.ids.numpy())
+        for row, frame in zip(sample.indices, sample.frames, strict=True)
+        if frame.ids is not None
+    ]
+    if not images:
+        return
+    values = np.unique(np.concatenate([np.unique(ids) for _, ids in images]))
+    if not (values > ROOM).any():
+        yield _no_objects(values, len(images))
+        return
+    yield from _codings(images)
+    yield from _mixtures(sample, images)
+    yield from _from_view_to_view(sample)
+
+
+def _no_objects(values: Int16[np.ndarray, "k"], views: int) -> Finding:
+    holds = "hold nothing but 0, the room"
+    if (values == UNLABELLED).any():
+        holds = "hold nothing but 255, which means unlabelled"
+        holds = "hold only 0 and 255, and 255 means unlabelled" if (values == ROOM).any() else holds
+    return contradiction(
+        "ids-no-object",
+        f"the id images {holds} ({views} views were looked at): no object would come out. Number objects from 1, "
+        "or pass --capture.no-use-ids.",
+    )
+
+
+def _codings(images: Sequence[tuple[str, Int16[np.ndarray, "h w"]]]) -> Iterator[Finding]:
+    crowded = [name for name, ids in images if len(np.unique(ids)) > _MANY]
+    if crowded:
+        yield doubt(
+            "ids-many",
+            f"{count_of(crowded, len(images))} id images hold more than {_MANY} ids (first: {shown(crowded[0])}): they "
+            "look like superpixels, depth or colours rather than objects",
+        )
+    whole = [name for name, ids in images if _largest_share(ids) > 0.97]
+    if len(whole) == len(images):
+        yield doubt("ids-one", "one id covers every view: the room is 0, objects count from 1")
+
+
+def _largest_share(ids: Int16[np.ndarray, "h w"]) -> float:
+    """Share of the image that the largest object covers."""
+    numbers, counts = np.unique(ids[ids > ROOM], return_counts=True)
+    return float(counts.max() / ids.size) if len(numbers) else 0.0
+
+
+def _mixtures(sample: Sample, images: Sequence[tuple[str, Int16[np.ndarray, "h w"]]]) -> Iterator[Finding]:
+    """Values between two ids along their edge: images that were resized smoothly, or stored with losses."""
+    lossy = [view.ids.name for view in sample.source.views if view.ids is not None and view.ids.suffix.lower() in _LOSSY]
+    if lossy:
+        yield contradiction(
+            "ids-lossy",
+            f"{count_of(lossy, len(sample.source.views))} id images are JPEG or WebP (first: {shown(lossy[0])}), which "
+            "change ids along edges. Write PNG, or pass --capture.no-use-ids.",
+        )
+        return
+    thin = [_thin_ids(ids) for _, ids in images]
+    found = np.array([len(few) for few, _ in thin])
+    share = np.median([len(few) / max(total, 1) for few, total in thin])
+    if np.median(found) >= _THIN_IDS and share > _THIN_SHARE:
+        yield contradiction(
+            "ids-mixed",
+            f"{np.median(found):.0f} of {np.median([total for _, total in thin]):.0f} ids of a view exist only along the "
+            "edges of others: the id images were resized with smoothing. Resize them by the nearest pixel, or pass "
+            "--capture.no-use-ids.",
+        )
+
+
+def _thin_ids(ids: Int16[np.ndarray, "h w"]) -> tuple[list[int], int]:
+    """Ids of which no pixel has all four neighbours of the same id; and how many ids there are."""
+    inner = np.ones(ids.shape, bool)
+    for axis in (0, 1):
+        same = np.diff(ids, axis=axis) == 0
+        pad = [(0, 0), (0, 0)]
+        pad[axis] = (1, 0)
+        inner &= np.pad(same, pad, constant_values=True)
+        pad[axis] = (0, 1)
+        inner &= np.pad(same, pad, constant_values=True)
+    inner = scipy.ndimage.binary_opening(inner, np.ones((2, 2)))
+    present = set(np.unique(ids[ids > ROOM]).tolist())
+    return sorted(present - set(np.unique(ids[inner]).tolist())), len(present)
+
+
+def _from_view_to_view(sample: Sample) -> Iterator[Finding]:
+    """The same point of an object, seen in two views, has the same id."""
+    if not sample.capture.has_metric_depth:
+        return
+    same = compared = 0
+    frames = [frame for frame in sample.frames if frame.ids is not None and frame.depth is not None]
+    for here in frames:
+        for there in frames:
+            if here is not there:
+                equal, number = _compared(here, there)
+                same, compared = same + equal, compared + number
+    if compared < _FEWEST or same >= _SAME * compared:
+        return
+    share = same / compared
+    told = f"of points of objects that two views share, {100 * share:.0f} % have the same id in both"
+    if share < _SAME_SURELY:
+        yield contradiction(
+            "ids-change",
+            f"{told}: ids were given in each view anew. Track them over the views, or pass --capture.no-use-ids.",
+        )
+    else:
+        yield doubt("ids-change", f"{told}: ids flicker, swap, or are split in some views")
+
+
+def _compared(here: Frame, there: Frame) -> tuple[int, int]:
+    """Points of one view's objects that another view sees and labels: with the same id, and all."""
+    assert here.depth is not None and here.ids is not None and there.depth is not None and there.ids is not None
+    step = max(1, here.camera.width // 40)
+    points = here.camera.double().unproject_depth(here.depth.double())[::step, ::step]
+    mine = here.ids[::step, ::step]
+    pixels, z = there.camera.double().project(points)
+    size = torch.tensor([there.camera.width, there.camera.height])
+    inside = ((pixels >= 0) & (pixels < size)).all(-1) & (mine > ROOM)
+    x, y = pixels[inside].long().unbind(-1)
+    seen, other = there.depth[y, x], there.ids[y, x]
+    agree = ((z[inside] / seen - 1).abs() < _CLOSE) & (other != UNLABELLED)
+    return int((other[agree] == mine[inside][agree]).sum()), int(agree.sum())
