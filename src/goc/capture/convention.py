@@ -1,4 +1,4 @@
-"""What the user knows better than the format: the convention of poses and depth, put right before anything is checked."""
+"""What the user knows better than the format: what poses and depth mean, put right before anything is checked."""
 
 from dataclasses import dataclass, replace
 
@@ -18,7 +18,7 @@ OPENCV_AXES: dict[CameraAxes, Float64[np.ndarray, "3 3"]] = {
 
 @dataclass(frozen=True, kw_only=True)
 class Convention(Settings):
-    """How numbers of the capture are meant, where its files say otherwise or nothing. Checks tell what they look like."""
+    """How stored numbers are meant, where the files say otherwise or nothing. Checks tell what they look like."""
 
     poses: PoseDirection | None = None
     """What the stored poses map from and to. Default: as the format has it."""
@@ -34,19 +34,25 @@ class Convention(Settings):
 def restated(source: Source, convention: Convention) -> Source:
     """The capture as the user says that its numbers are meant."""
     scale = convention.pose_unit or 1.0
+    steps = None if convention.depth_unit is None else 1.0 / convention.depth_unit
     views = tuple(
-        replace(view, world_from_cam=_scaled(reread(view.world_from_cam, source, convention), scale))
+        replace(
+            view,
+            world_from_cam=_scaled(reread(view.world_from_cam, source, convention), scale),
+            depth_units_per_metre=steps or view.depth_units_per_metre,
+        )
         for view in source.views
     )
     points = source.points
     if points is not None:
         positions = points.positions * np.asarray(scale, points.positions.dtype)
         points = replace(points, positions=positions)
-    steps = source.depth_units_per_metre if convention.depth_unit is None else 1.0 / convention.depth_unit
-    return replace(source, views=views, points=points, depth_units_per_metre=steps)
+    return replace(source, views=views, points=points, depth_units_per_metre=steps or source.depth_units_per_metre)
 
 
-def reread(pose: Float64[np.ndarray, "*b 4 4"], source: Source, convention: Convention) -> Float64[np.ndarray, "*b 4 4"]:
+def reread(
+    pose: Float64[np.ndarray, "*b 4 4"], source: Source, convention: Convention
+) -> Float64[np.ndarray, "*b 4 4"]:
     """A pose (world from camera, OpenCV axes) as its numbers read under another convention.
 
     Args:

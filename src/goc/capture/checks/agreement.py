@@ -18,6 +18,8 @@ _LEAST_SHARED = 0.1
 """Share of a view's points that another view must have in its frame, to be compared with it."""
 _LEAST_PARALLAX = 0.03
 """Baseline over depth of two views that are compared; without parallax any depth agrees with itself."""
+_HIDDEN = 3.0
+"""Hidden points for each that is seen, from which on they tell against a capture; few views of a room reach 1.5."""
 _PARTNERS = 3
 """Views that each view is compared with: those that have most of its points in their frame."""
 
@@ -30,7 +32,7 @@ class Agreement:
     """Of the points that another view must see, those whose depth is within 5 % of what it saw; 0 without any.
 
     A point that lies behind what the other view saw is hidden there, which proves nothing: such points count only
-    where they outnumber all others. One that lies in front of it is a contradiction."""
+    where they are more than three times as many as all others. One that lies in front of it is a contradiction."""
     fit: float
     """Of all compared points, those that agree: the better to compare units by, which `share` is lenient with."""
     compared: int
@@ -75,7 +77,7 @@ def agreement(views: DepthViews, close: float = CLOSE, needs_parallax: bool = Fa
     seen = agreeing + before
     gaps = counts.gaps[chosen]
     gap = float(np.median(gaps[np.isfinite(gaps)])) if agreeing else float("nan")
-    share = float(agreeing / (seen + max(0.0, behind - seen)))
+    share = float(agreeing / (seen + max(0.0, behind - _HIDDEN * seen)))
     return Agreement(share, float(agreeing / (seen + behind)), compared, gap)
 
 
@@ -92,7 +94,7 @@ def _count(views: DepthViews, limit: float) -> _Counts:
 
 
 def _carried(views: DepthViews) -> tuple[Float64[np.ndarray, "v v p"], Float64[np.ndarray, "v v p"]]:
-    """z of the points of each view (rows) in each other (columns), and the depth that is stored there.
+    """Z of the points of each view (rows) in each other (columns), and the depth that is stored there.
 
     NaN outside the frame, behind the camera, and where the other view has no depth.
     """

@@ -82,8 +82,8 @@ def _pixel_shape(source: Source) -> Iterator[Finding]:
     if bad:
         yield doubt(
             "pixel-shape",
-            f"pixels are not square in {count_of(bad, len(source.views))} views (first: {shown(bad[0])}): if the images "
-            "were not stretched, the intrinsics are of another size, or of the image on its side",
+            f"pixels are not square in {count_of(bad, len(source.views))} views (first: {shown(bad[0])}): if the "
+            "images were not stretched, the intrinsics are of another size, or of the image on its side",
         )
 
 
@@ -132,7 +132,6 @@ def _seed_points(capture: Capture) -> Iterator[Finding]:
     if not np.isfinite(points.positions).all():
         return  # refused where they are read
     rows = np.linspace(0, len(points.positions) - 1, min(500, len(points.positions))).astype(int)
-
 
     chosen = torch.from_numpy(points.positions[rows].astype(np.float64))
     step = max(1, len(capture) // 40)

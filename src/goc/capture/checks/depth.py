@@ -8,12 +8,13 @@ from goc.capture.checks.agreement import Agreement, agreement
 from goc.capture.checks.depth_views import DepthViews, depth_views
 from goc.capture.checks.explain import explain
 from goc.capture.checks.finding import Finding, contradiction, doubt
-from goc.capture.checks.readings import Evidence
+from goc.capture.checks.readings import PLATEAU, Evidence
 from goc.capture.checks.sample import Sample
 from goc.capture.source import count_of, shown
+from goc.scene import Frame
 
 _GOOD = 0.92
-"""Share of agreeing points that captures have whose numbers mean what they say: 0.95 to 1.0 measured, noise included."""
+"""Share of agreeing points that right captures have: 0.95 to 1.0 measured, noise of sensors included."""
 _BAD = 0.75
 """Below it no geometry can be right: a lens left out gives 0.85, distance for z 0.67, the rest less (record 0045)."""
 _FEWEST = 150
@@ -21,8 +22,6 @@ _FEWEST = 150
 _LONGEST_M, _SHORTEST_M = 60.0, 0.03
 _LONG_M, _SHORT_M = 20.0, 0.12
 _NAMED = {1000.0: "millimetres", 100.0: "centimetres", 39.37: "inches"}
-_PLATEAU = 0.02
-"""Share of a view's pixels that share one value, from which on that value is no measurement."""
 
 
 def depth_findings(sample: Sample) -> Iterator[Finding]:
@@ -30,28 +29,36 @@ def depth_findings(sample: Sample) -> Iterator[Finding]:
     if not sample.capture.has_metric_depth:
         return
     given = [frame for frame in sample.frames if frame.depth is not None]
-    empty = [frame for frame in given if not bool(frame.depth.isfinite().any())]  # type: ignore[union-attr]
-    if given and len(empty) == len(given):
+    empty = [frame for frame in given if not _has_depth(frame)]
+    if not given:
+        return
+    if len(empty) == len(given):
         yield contradiction(
             "depth-empty",
-            f"the depth images of all {len(given)} views that were looked at hold nothing but 0. Write z along the axis "
-            "(16-bit PNG, millimetres), or pass --capture.no-use-depth.",
+            f"the depth images of all {len(given)} views that were looked at hold nothing but 0. Write z along the "
+            "axis (16-bit PNG, millimetres), or pass --capture.no-use-depth.",
         )
         return
     if empty:
         yield doubt("depth-empty", f"{count_of(empty, len(given))} depth images that were looked at hold nothing")
-    views = depth_views(sample.frames)
-    yield from _plateau(sample, views)
-    yield from _agreement(sample, views)
-    yield from _size(sample, views)
+    rows = [row for row, frame in zip(sample.indices, sample.frames, strict=True) if _has_depth(frame)]
+    evidence = Evidence(
+        source=sample.source,
+        views=depth_views(sample.frames),
+        indices=tuple(rows),
+        poses=sample.poses,
+        kind=sample.kind,
+    )
+    yield from _plateau(sample, evidence)
+    yield from _agreement(evidence)
+    yield from _size(sample, evidence.views)
 
 
-def _agreement(sample: Sample, views: DepthViews) -> Iterator[Finding]:
+def _agreement(evidence: Evidence) -> Iterator[Finding]:
+    views = evidence.views
     stated = agreement(views)
     if len(views) < 2 or stated.share >= _GOOD or not np.ptp(views.poses[:, :3, 3], axis=0).any():
         return
-    rows = [row for row, frame in zip(sample.indices, sample.frames, strict=True) if _has_depth(frame)]
-    evidence = Evidence(source=sample.source, views=views, indices=tuple(rows), poses=sample.poses)
     found = explain(evidence, stated)
     says = f"views agree through depth in {_percent(stated)} of what they share"
     if found is not None and found[1].compared >= _FEWEST:
@@ -70,8 +77,8 @@ def _agreement(sample: Sample, views: DepthViews) -> Iterator[Finding]:
     else:
         yield doubt(
             "depth-agreement",
-            f"{says} only, of a right capture in more than 92 %: poses drift, a lens's distortion is left out, or depth "
-            "is not registered to the photographs",
+            f"{says} only, of a right capture in more than 92 %: poses drift, a lens's distortion is left out, or "
+            "depth is not registered to the photographs",
         )
 
 
@@ -93,14 +100,21 @@ def _size(sample: Sample, views: DepthViews) -> Iterator[Finding]:
         yield doubt("size", f"{says} if that is wrong")
 
 
-def _plateau(sample: Sample, views: DepthViews) -> Iterator[Finding]:
+def _plateau(sample: Sample, evidence: Evidence) -> Iterator[Finding]:
     """One farthest value in many pixels of many views stands for `none`."""
+    views = evidence.views
     farthest = float(np.nanmax(views.depth))
     shares = (views.depth == np.float32(farthest)).mean((1, 2))
-    marked = shares > _PLATEAU
-    if marked.sum() >= max(3, 0.5 * len(views)):
-        value = farthest * sample.source.depth_units_per_metre
-        name = sample.capture.view_names[sample.indices[int(np.argmax(shares))]]
+    marked = shares > PLATEAU
+    if np.median(shares) > 0.9:
+        yield contradiction(
+            "depth-constant",
+            f"nearly every pixel has the same depth, {farthest:.4g}. Write z along the axis (16-bit PNG, millimetres), "
+            "or pass --capture.no-use-depth.",
+        )
+    elif marked.sum() >= max(3, 0.5 * len(views)):
+        value = farthest * evidence.depth_steps
+        name = sample.capture.view_names[evidence.indices[int(np.argmax(shares))]]
         yield doubt(
             "depth-plateau",
             f"{100 * shares[marked].mean():.0f} % of the pixels have exactly the depth {value:.6g} in "
@@ -109,9 +123,8 @@ def _plateau(sample: Sample, views: DepthViews) -> Iterator[Finding]:
         )
 
 
-def _has_depth(frame: object) -> bool:
-    depth = getattr(frame, "depth", None)
-    return depth is not None and bool(depth.isfinite().any())
+def _has_depth(frame: Frame) -> bool:
+    return frame.depth is not None and bool(frame.depth.isfinite().any())
 
 
 def _percent(agreed: Agreement) -> str:

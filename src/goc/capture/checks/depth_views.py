@@ -46,7 +46,7 @@ class DepthViews:
 
     @property
     def directions(self) -> Float64[np.ndarray, "v p 2"]:
-        """x / z and y / z through `pixels`, freed of the lens's distortion; NaN beyond where it folds back."""
+        """X / z and y / z through `pixels`, freed of the lens's distortion; NaN beyond where it folds back."""
         seen = (self.pixels - self.centre_px[:, None]) / self.focal_px[:, None]
         if not self.radial:
             return seen

@@ -25,13 +25,26 @@ CONVINCING = 0.9
 """Share of agreeing points from which on a reading explains a capture."""
 _BETTER = 0.5
 """Share of the disagreement that a reading may leave."""
+_FITTER, _LEAST_FIT = 0.05, 0.35
+"""What a reading must gain in points that agree, and how many must: where most are hidden, `share` proves little."""
 _PROMISING = 0.6
 _SIMPLER = 0.01
 """What a later reading must be better by, to be preferred to an earlier one."""
 _FACTORS = np.geomspace(1e-4, 1e4, 161)  # steps of 6 %: some factor is within 3 %
-_UNITS = {1.0: "metres", 100.0: "centimetres", 1000.0: "millimetres", 10000.0: "tenths of a millimetre"}
-_UNITS |= {5000.0: "millimetres x 5 (TUM RGB-D)", 6553.5: "1/6553.5 m (Replica)", 8000.0: "millimetres x 8 (bits shifted by 3)"}
-_UNITS |= {4000.0: "quarters of a millimetre", 39.37: "inches", 256.0: "1/256 m (KITTI)", 2000.0: "half millimetres"}
+_UNITS = {
+    1.0: "metres",
+    100.0: "centimetres",
+    1000.0: "millimetres",
+    10000.0: "tenths of a millimetre",
+    5000.0: "millimetres x 5 (TUM RGB-D)",
+    6553.5: "1/6553.5 m (Replica)",
+    8000.0: "millimetres x 8 (bits shifted by 3)",
+    4000.0: "quarters of a millimetre",
+    2000.0: "half millimetres",
+    256.0: "1/256 m (KITTI)",
+    39.37: "inches",
+}
+"""Steps of depth in a metre, as files have them."""
 _SAME_UNIT = 0.03
 
 
@@ -65,7 +78,8 @@ def _both(
 
 
 def _convinces(found: Agreement, stated: Agreement) -> bool:
-    return found.share >= CONVINCING and 1 - found.share < _BETTER * (1 - stated.share)
+    better = 1 - found.share < _BETTER * (1 - stated.share) and found.fit > stated.fit + _FITTER
+    return better and found.share >= CONVINCING and found.fit >= _LEAST_FIT
 
 
 def _best(pairs: Iterable[tuple[Reading, Reading]]) -> tuple[Reading, Agreement] | None:
@@ -122,7 +136,7 @@ def _best_factor(views: DepthViews, candidates: Float64[np.ndarray, "k"], close:
 def _in_unit(evidence: Evidence, factor: float) -> Reading:
     """Depth times a factor: a unit that people use, if it is one, else positions of unknown scale."""
     middle = float(np.nanmedian(evidence.views.values))
-    steps = evidence.source.depth_units_per_metre / factor
+    steps = evidence.depth_steps / factor
     named = next((unit for unit in _UNITS if abs(steps / unit - 1) < _SAME_UNIT), None)
     if named is not None and (_plausible(middle * factor) or not _plausible(middle)):
         looks, remedy = f"depth looks like {_UNITS[named]}", f"{OPTION}.depth-unit {1 / named:.6g}"

@@ -3,13 +3,13 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import scipy.ndimage
 import torch
 from jaxtyping import Int16
 
 from goc.capture.checks.finding import Finding, contradiction, doubt
 from goc.capture.checks.sample import Sample
-from goc.capture.source import count_of, shown
+from goc.capture.pixels import path_of
+from goc.capture.source import Source, count_of, shown
 from goc.scene import ROOM, UNLABELLED, Frame
 
 _LOSSY = (".jpg", ".jpeg", ".webp")
@@ -32,12 +32,12 @@ def id_findings(sample: Sample) -> Iterator[Finding]:
     ]
     if not images:
         return
+    yield from _lossy(sample.source)
     values = np.unique(np.concatenate([np.unique(ids) for _, ids in images]))
     if not (values > ROOM).any():
         yield _no_objects(values, len(images))
         return
     yield from _codings(images)
-    yield from _mixtures(sample, images)
     yield from _from_view_to_view(sample)
 
 
@@ -72,41 +72,15 @@ def _largest_share(ids: Int16[np.ndarray, "h w"]) -> float:
     return float(counts.max() / ids.size) if len(numbers) else 0.0
 
 
-def _mixtures(sample: Sample, images: Sequence[tuple[str, Int16[np.ndarray, "h w"]]]) -> Iterator[Finding]:
-    """Values between two ids along their edge: images that were resized smoothly, or stored with losses."""
-    lossy = [view.ids.name for view in sample.source.views if view.ids is not None and view.ids.suffix.lower() in _LOSSY]
+def _lossy(source: Source) -> Iterator[Finding]:
+    paths = [path_of(view.ids) for view in source.views if view.ids is not None]
+    lossy = [path.name for path in paths if path.suffix.lower() in _LOSSY]
     if lossy:
         yield contradiction(
             "ids-lossy",
-            f"{count_of(lossy, len(sample.source.views))} id images are JPEG or WebP (first: {shown(lossy[0])}), which "
-            "change ids along edges. Write PNG, or pass --capture.no-use-ids.",
+            f"{count_of(lossy, len(paths))} id images are JPEG or WebP (first: {shown(lossy[0])}), which change ids. "
+            "Write PNG, or pass --capture.no-use-ids.",
         )
-        return
-    thin = [_thin_ids(ids) for _, ids in images]
-    found = np.array([len(few) for few, _ in thin])
-    share = np.median([len(few) / max(total, 1) for few, total in thin])
-    if np.median(found) >= _THIN_IDS and share > _THIN_SHARE:
-        yield contradiction(
-            "ids-mixed",
-            f"{np.median(found):.0f} of {np.median([total for _, total in thin]):.0f} ids of a view exist only along the "
-            "edges of others: the id images were resized with smoothing. Resize them by the nearest pixel, or pass "
-            "--capture.no-use-ids.",
-        )
-
-
-def _thin_ids(ids: Int16[np.ndarray, "h w"]) -> tuple[list[int], int]:
-    """Ids of which no pixel has all four neighbours of the same id; and how many ids there are."""
-    inner = np.ones(ids.shape, bool)
-    for axis in (0, 1):
-        same = np.diff(ids, axis=axis) == 0
-        pad = [(0, 0), (0, 0)]
-        pad[axis] = (1, 0)
-        inner &= np.pad(same, pad, constant_values=True)
-        pad[axis] = (0, 1)
-        inner &= np.pad(same, pad, constant_values=True)
-    inner = scipy.ndimage.binary_opening(inner, np.ones((2, 2)))
-    present = set(np.unique(ids[ids > ROOM]).tolist())
-    return sorted(present - set(np.unique(ids[inner]).tolist())), len(present)
 
 
 def _from_view_to_view(sample: Sample) -> Iterator[Finding]:

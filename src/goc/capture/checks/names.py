@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from goc.capture.checks.finding import Finding, contradiction, doubt
-from goc.capture.source import Source, count_of, shown
+from goc.capture.pixels import Pixels, path_of
+from goc.capture.source import Source, View, count_of, shown
 from goc.files import is_folder, read_image
 
 _IMAGES = (".png", ".jpg", ".jpeg", ".npy", ".exr", ".tif", ".tiff", ".webp")
@@ -43,19 +44,19 @@ def _unused(folder: Path, kind: str, files: list[Path], source: Source) -> Findi
     flag = "--capture.no-use-ids" if kind == "id" else "--capture.no-use-depth"
     return contradiction(
         "folder-unused",
-        f"{folder.name}/ holds {len(files)} images, and none is named as a photograph (first: {shown(files[0].name)}; "
-        f"photographs: {shown(Path(source.views[0].name).name)}). Name them alike or in the capture's file, or pass "
-        f"{flag} to leave them out.",
+        f"{folder.name}/ holds {len(files)} images that no view uses (first: {shown(files[0].name)}; photographs: "
+        f"{shown(Path(source.views[0].name).name)} and so on). Name them as the photographs, or in the capture's file; "
+        f"or pass {flag} to leave them out.",
     )
 
 
 def _used(source: Source) -> set[Path]:
-    return {
-        path
-        for view in source.views
-        for path in (view.image, view.depth, view.ids, view.normals)
-        if path is not None
-    }
+    return {path_of(pixels) for view in source.views for pixels in _all_pixels(view)}
+
+
+def _all_pixels(view: View) -> list[Pixels]:
+    all_kinds = (view.image, view.depth, view.ids, view.normals, view.confidence, view.mask)
+    return [pixels for pixels in all_kinds if pixels is not None]
 
 
 def cut_short(source: Source) -> None:
@@ -65,9 +66,9 @@ def cut_short(source: Source) -> None:
         FileError: such an image is damaged.
     """
     for view in source.views:
-        for path in (view.image, view.depth, view.ids, view.normals):
-            if path is not None and _ends_early(path):
-                read_image(path)
+        for pixels in _all_pixels(view):
+            if isinstance(pixels, Path) and _ends_early(pixels):
+                read_image(pixels)
 
 
 def _ends_early(path: Path) -> bool:

@@ -9,13 +9,15 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from goc.capture.checks.depth_views import DepthViews
-from goc.capture.convention import OPENCV_AXES, Convention, inverse, reread
-from goc.capture.source import CameraAxes, PoseDirection, Source
+from goc.capture.convention import OPENCV_AXES, Convention, reread
+from goc.capture.source import CameraAxes, PoseDirection, Source, StoredDepthKind
 
 _DIRECTIONS: tuple[PoseDirection, ...] = ("camera-to-world", "world-to-camera")
 _FOCALS = (0.25, 0.5, 0.6, 0.75, 0.86, 1.16, 1.33, 1.67, 2.0, 4.0)
 _RADIAL = (-0.4, -0.35, -0.3, -0.25, -0.2, -0.15, -0.1, -0.05, 0.05, 0.1, 0.15, 0.2, 0.3)
 OPTION = "--capture.convention"
+PLATEAU = 0.02
+"""Share of a view's pixels that have exactly the farthest depth, from which on that is no measurement."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -28,6 +30,14 @@ class Evidence:
     """Of `views` among the views of the capture."""
     poses: Float64[np.ndarray, "n 4 4"]
     """Of all views of the capture, as read."""
+    kind: StoredDepthKind = "metric"
+    """How stored depth was read: as z (metric) or distance."""
+
+    @property
+    def depth_steps(self) -> float:
+        """Steps of stored depth in a scene unit."""
+        own = (view.depth_units_per_metre for view in self.source.views if view.depth is not None)
+        return next((steps for steps in own if steps), self.source.depth_units_per_metre)
 
     def thinned(self, views: int, points: int) -> "Evidence":
         """The same with fewer views, and fewer points in each."""
@@ -66,14 +76,16 @@ def mixed_readings(evidence: Evidence) -> Iterator[Reading]:
     """Rotation and position that do not belong together, and cameras on their side."""
     views, source = evidence.views, evidence.source
     rotation, position = views.poses[:, :3, :3], views.poses[:, :3, 3]
-    back = -np.einsum("vji,vj->vi", rotation, position)
+    own = OPENCV_AXES[source.axes]
+    stored = rotation @ own.T  # in the file's camera axes, of which its numbers are
+    back = -np.einsum("vji,vj->vi", stored, position)
     remedy = f"Write {source.direction} matrices."
     where = "the last column of the poses looks like the translation of the inverse (-R^T t), not their position"
     yield Reading(looks=where, remedy=remedy, views=_posed(views, _pose(rotation, back)))
-    ahead = -np.einsum("vij,vj->vi", rotation, position)
+    ahead = -np.einsum("vij,vj->vi", stored, position)
     yield Reading(looks=where, remedy=remedy, views=_posed(views, _pose(rotation, ahead)))
     words = "the rotations of the poses look transposed, their positions do not"
-    yield Reading(looks=words, remedy=remedy, views=_posed(views, _pose(np.swapaxes(rotation, 1, 2), position)))
+    yield Reading(looks=words, remedy=remedy, views=_posed(views, _pose(np.swapaxes(stored, 1, 2) @ own, position)))
     for quarter, words in ((1, "a quarter turn to the left"), (2, "half a turn"), (3, "a quarter turn to the right")):
         yield Reading(
             looks=f"images look turned by {words} against their poses (EXIF orientation)",
@@ -98,11 +110,20 @@ def mixed_readings(evidence: Evidence) -> Iterator[Reading]:
 def depth_readings(evidence: Evidence) -> Iterator[Reading]:
     """What a value of depth may mean, its unit apart, and pictures that are not the right way round."""
     views = evidence.views
-    yield Reading(
-        looks="depth looks like the distance from the camera's centre, not z along its axis",
-        remedy="Pass --capture.depth-kind distance.",
-        views=replace(views, depth=(views.depth / _lengths(views)).astype(np.float32)),
-    )
+    if evidence.kind == "distance":
+        looks = "depth looks like z along the camera's axis, not the distance from its centre"
+        turned, remedy = views.depth * _lengths(views), "Pass --capture.depth-kind metric."
+    else:
+        looks = "depth looks like the distance from the camera's centre, not z along its axis"
+        turned, remedy = views.depth / _lengths(views), "Pass --capture.depth-kind distance."
+    yield Reading(looks=looks, remedy=remedy, views=replace(views, depth=turned.astype(np.float32)))
+    farthest = float(np.nanmax(views.depth))
+    if np.median((views.depth == farthest).mean((1, 2))) > PLATEAU:
+        yield Reading(
+            looks=f"depth of exactly {farthest * evidence.depth_steps:.6g} looks like the mark of pixels without depth",
+            remedy="Write 0 there.",
+            views=replace(views, depth=np.where(views.depth == farthest, np.nan, views.depth)),
+        )
     for name, axes in (("left and right", 1), ("upside down", 0), ("by half a turn", (0, 1))):
         turned = views.depth.copy()
         for row, (width, height) in enumerate(views.sizes):
@@ -167,7 +188,7 @@ def pairing_readings(evidence: Evidence) -> Iterator[Reading]:
 
 
 def scaled(views: DepthViews, factor: float) -> DepthViews:
-    """Views whose depth is `factor` times what it was, up to the unit of the world: the positions are divided instead."""
+    """Views whose depth is `factor` times what it was, up to the world's unit: positions are divided instead."""
     poses = views.poses.copy()
     poses[:, :3, 3] /= factor
     return replace(views, poses=poses)

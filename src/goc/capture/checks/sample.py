@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from goc.capture.source import Source
+from goc.capture.source import Source, StoredDepthKind
 from goc.scene import Capture, Frame
 
 _MOST, _FEWEST = 16, 6
@@ -21,6 +21,8 @@ class Sample:
     capture: Capture
     indices: tuple[int, ...]
     frames: tuple[Frame, ...]
+    kind: StoredDepthKind
+    """How stored depth was read."""
 
     @property
     def poses(self) -> Float64[np.ndarray, "n 4 4"]:
@@ -28,7 +30,7 @@ class Sample:
         return all_poses(self.capture)
 
 
-def take_sample(source: Source, capture: Capture) -> Sample:
+def take_sample(source: Source, capture: Capture, kind: StoredDepthKind) -> Sample:
     """Decode 6 to 16 views, fewer the larger their files are; the capture's cache keeps them for later stages.
 
     Raises:
@@ -38,7 +40,8 @@ def take_sample(source: Source, capture: Capture) -> Sample:
     number = int(np.clip(_PIXELS / max(float(pixels), 1.0), _FEWEST, _MOST))
     rows = np.unique(np.linspace(0, len(capture) - 1, min(number, len(capture))).round().astype(int))
     indices = tuple(rows.tolist())
-    return Sample(source=source, capture=capture, indices=indices, frames=tuple(capture[row] for row in indices))
+    frames = tuple(capture[row] for row in indices)
+    return Sample(source=source, capture=capture, indices=indices, frames=frames, kind=kind)
 
 
 def all_poses(capture: Capture) -> Float64[np.ndarray, "n 4 4"]:

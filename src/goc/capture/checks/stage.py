@@ -42,7 +42,7 @@ def findings(source: Source, capture: Capture, config: CaptureConfig) -> Iterato
     yield from camera_findings(source, capture)
     yield from folder_findings(source, config.use_ids, config.use_depth)
     cut_short(source)
-    sample = take_sample(source, capture)
+    sample = take_sample(source, capture, config.depth_kind or source.depth_kind)
     yield from depth_findings(sample)
     yield from id_findings(sample)
     yield from photograph_findings(sample)
