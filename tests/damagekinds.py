@@ -122,7 +122,8 @@ FILES = [
     Kind(
         "depth not named",
         _drop("depth_file_path"),
-        r"depth/ holds 12 images that no view uses .* --capture\.no-use-depth",
+        r"depth/ holds 12 images that no view uses .* name them in the capture's file",
+        refused=False,
     ),
 ]
 
@@ -243,7 +244,7 @@ DEPTH = [
     ),
     Kind("depth factor 0", keys(depth_unit_scale_factor=0.0), r"depth_unit_scale_factor is 0\. Give the metres"),
     Kind("depth factor negative", keys(depth_unit_scale_factor=-0.001), r"depth_unit_scale_factor is -0\.001"),
-    Kind("depth factor text", keys(depth_unit_scale_factor="mm"), r"Expected `float`"),
+    Kind("depth factor text", keys(depth_unit_scale_factor="mm"), r"Expected `float"),
     Kind(
         "depth of TUM",
         depths(lambda d: d * 5),

@@ -1,12 +1,15 @@
 """What the user knows better than the format: what poses and depth mean, put right before anything is checked."""
 
 from dataclasses import dataclass, replace
+from typing import Annotated
 
 import numpy as np
 from jaxtyping import Float64
 
 from goc.capture.source import CameraAxes, PoseDirection, Source
-from goc.settings import Positive, Settings
+from goc.settings import Positive, Range, Settings
+
+StoredId = Annotated[int, Range(least=0, most=65535)]
 
 OPENCV_AXES: dict[CameraAxes, Float64[np.ndarray, "3 3"]] = {
     "opencv": np.eye(3),
@@ -29,6 +32,9 @@ class Convention(Settings):
     """Scene units (metres, where depth is metric) in one unit of the stored positions and points, such as 0.001."""
     depth_unit: Positive | None = None
     """Scene units in one step of the stored depth: 0.001 for millimetres. Default: as the capture says."""
+    room_ids: tuple[StoredId, ...] = ()
+    """Stored ids of walls, floor and ceiling, where these are instances of their own, as ScanNet has them. What is
+    stored as 0 then counts as unlabelled, since nobody annotated it."""
 
 
 def restated(source: Source, convention: Convention) -> Source:
@@ -47,7 +53,9 @@ def restated(source: Source, convention: Convention) -> Source:
     if points is not None:
         positions = points.positions * np.asarray(scale, points.positions.dtype)
         points = replace(points, positions=positions)
-    return replace(source, views=views, points=points, depth_units_per_metre=steps or source.depth_units_per_metre)
+    codes = replace(source.id_codes, room=convention.room_ids or source.id_codes.room)
+    units = steps or source.depth_units_per_metre
+    return replace(source, views=views, points=points, depth_units_per_metre=units, id_codes=codes)
 
 
 def reread(

@@ -44,7 +44,8 @@ def _by_rule(values: np.ndarray, codes: IdCodes, unlabelled: int | None) -> np.n
     ids = values.copy()
     if unlabelled is not None:
         ids[values == unlabelled] = UNLABELLED
-    ids[values == codes.background] = ROOM
+    ids[values == codes.background] = UNLABELLED if codes.room else ROOM
+    ids[np.isin(values, codes.room)] = ROOM
     if codes.unknown is not None:
         ids[values == codes.unknown] = UNLABELLED
     if codes.values:

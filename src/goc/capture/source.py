@@ -62,6 +62,8 @@ class IdCodes:
     """Id of stored values that the table does not hold."""
     blurred: bool = False
     """Images were scaled with smoothing: values at edges are mixtures, and count for nothing."""
+    room: tuple[int, ...] = ()
+    """Stored values of walls, floor and ceiling that are instances of their own; `background` is then unlabelled."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -13,6 +13,8 @@ from goc.scene import Capture, Mesh, World
 _VOXEL_M = 0.03
 """Edge of the cells to which the surface is thinned, metres."""
 _SAME_UP = 0.985  # cosine of 10 degrees
+_DOUBTFUL = 0.5
+"""Confidence in up below which a user is told."""
 _FEWEST = 100
 """Least number of cells along the scene's diagonal, for scenes whose guessed metre is too long."""
 
@@ -39,6 +41,12 @@ def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener
             found = find_gravity(points, normals, voxel, poses, np.random.default_rng(0), stated)
     if not found.is_level:
         message = "No level surface tells which way is up: guessed from the cameras. Pass --world.up if it is wrong."
+        notify(Warned(stage="extract", message=message))
+    elif found.up_confidence < _DOUBTFUL:
+        message = (
+            f"Up is uncertain (confidence {found.up_confidence:.2f}): the level surface that tells it is small, or the "
+            "cameras were held askew. Pass --world.up if the result leans."
+        )
         notify(Warned(stage="extract", message=message))
     return World(
         up=found.up,

@@ -84,7 +84,7 @@ def agreement(views: DepthViews, close: float = CLOSE, needs_parallax: bool = Fa
 def _count(views: DepthViews, limit: float) -> _Counts:
     expected, found = _carried(views)
     ratio = expected / found
-    close = np.abs(ratio - 1) < limit
+    close = np.asarray(np.abs(ratio - 1) < limit)
     shares = [each.mean(2) for each in (close, ratio <= 1 - limit, ratio >= 1 + limit)]
     for each in shares:
         np.fill_diagonal(each, 0.0)

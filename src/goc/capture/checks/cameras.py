@@ -116,12 +116,12 @@ def _positions(capture: Capture) -> Iterator[Finding]:
 def _strays(positions: np.ndarray, names: Sequence[str]) -> Iterator[Finding]:
     away = np.linalg.norm(positions - np.median(positions, axis=0), axis=1)
     typical = float(np.median(away))
-    lost = np.flatnonzero(away > _STRAY * typical) if typical > 0 else np.zeros(0, int)
-    if len(lost):
+    lost = np.flatnonzero(away > _STRAY * typical).tolist() if typical > 0 else []
+    if lost:
         yield doubt(
             "poses-stray",
             f"{count_of(lost, len(positions))} cameras stand {away[lost].max() / typical:.0f} times as far out as the "
-            f"others (first: {shown(names[int(lost[0])])}): poses that got lost. Remove these views.",
+            f"others (first: {shown(names[lost[0]])}): poses that got lost. Remove these views.",
         )
 
 

@@ -13,7 +13,7 @@ from goc.capture.checks.sample import Sample
 from goc.capture.source import count_of, shown
 from goc.scene import Frame
 
-_GOOD = 0.92
+_GOOD = 0.9
 """Share of agreeing points that right captures have: 0.95 to 1.0 measured, noise of sensors included."""
 _BAD = 0.75
 """Below it no geometry can be right: a lens left out gives 0.85, distance for z 0.67, the rest less (record 0045)."""
@@ -70,14 +70,14 @@ def _agreement(evidence: Evidence) -> Iterator[Finding]:
     elif stated.share < _BAD:
         yield contradiction(
             "depth-agreement",
-            f"depth and poses contradict each other: {says}, of a right capture in more than 92 %. Poses drifted, or "
+            f"depth and poses contradict each other: {says}, of a right capture in more than 90 %. Poses drifted, or "
             "depth is no z (of a network: --capture.depth-kind affine). Correct them, leave depth out "
             "(--capture.no-use-depth), or pass --capture.checks warn.",
         )
     else:
         yield doubt(
             "depth-agreement",
-            f"{says} only, of a right capture in more than 92 %: poses drift, a lens's distortion is left out, or "
+            f"{says} only, of a right capture in more than 90 %: poses drift, a lens's distortion is left out, or "
             "depth is not registered to the photographs",
         )
 
@@ -118,8 +118,8 @@ def _plateau(sample: Sample, evidence: Evidence) -> Iterator[Finding]:
         yield doubt(
             "depth-plateau",
             f"{100 * shares[marked].mean():.0f} % of the pixels have exactly the depth {value:.6g} in "
-            f"{count_of(np.flatnonzero(marked), len(views))} views (most: {shown(name)}): it looks like the mark of "
-            "pixels without depth, which is 0",
+            f"{count_of(np.flatnonzero(marked).tolist(), len(views))} views (most: {shown(name)}): it looks like the "
+            "mark of pixels without depth, which is 0",
         )
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
-from jaxtyping import Int16
+from jaxtyping import Float64, Int16
 
 from goc.capture.checks.finding import Finding, contradiction, doubt
 from goc.capture.checks.sample import Sample
@@ -20,6 +20,9 @@ _THIN_IDS, _THIN_SHARE = 4, 0.4
 _SAME, _SAME_SURELY = 0.85, 0.35
 """Share of points of objects whose id is the same in another view."""
 _FEWEST = 150
+_FEW_VIEWS = 6
+_ENCLOSED = 0.8
+"""Share of the cameras that walls have on all sides."""
 _CLOSE = 0.03
 
 
@@ -38,6 +41,7 @@ def id_findings(sample: Sample) -> Iterator[Finding]:
         yield _no_objects(values, len(images))
         return
     yield from _codings(images)
+    yield from _surroundings(sample)
     yield from _from_view_to_view(sample)
 
 
@@ -81,6 +85,44 @@ def _lossy(source: Source) -> Iterator[Finding]:
             f"{count_of(lossy, len(paths))} id images are JPEG or WebP (first: {shown(lossy[0])}), which change ids. "
             "Write PNG, or pass --capture.no-use-ids.",
         )
+
+
+def _surroundings(sample: Sample) -> Iterator[Finding]:
+    """An object is never on all sides of the cameras: walls are."""
+    if not sample.capture.has_metric_depth or len(sample.frames) < _FEW_VIEWS:
+        return
+    points, numbers = _labelled_points(sample)
+    cameras = np.stack([frame.camera.position.double().numpy() for frame in sample.frames])
+    scene = np.ptp(np.quantile(points, [0.02, 0.98], axis=0), axis=0)
+    around, flat = [], []
+    for number in np.unique(numbers[numbers > ROOM]):
+        mine = points[numbers == number]
+        low, high = np.quantile(mine, [0.02, 0.98], axis=0)
+        enclosed = ((cameras > low) & (cameras < high)).all(1).mean()
+        if enclosed > _ENCLOSED and len(mine) > 0.1 * len(points):
+            around.append(int(number))
+        elif (high - low > 0.8 * scene).sum() == 2 and (high - low < 0.1 * scene).any():
+            flat.append(int(number))
+    if around:
+        listed = " ".join(map(str, sorted(around + flat)))
+        yield contradiction(
+            "ids-room",
+            f"id {around[0]} surrounds the cameras: walls, floor or ceiling are instances of their own, as ScanNet has "
+            f"them. Pass --capture.convention.room-ids {listed} (those that look so), or write 0 for the room.",
+        )
+
+
+def _labelled_points(sample: Sample) -> tuple[Float64[np.ndarray, "p 3"], Int16[np.ndarray, "p"]]:
+    """Some world points of the sampled views, with their ids."""
+    points, numbers = [], []
+    for frame in sample.frames:
+        if frame.depth is not None and frame.ids is not None:
+            step = max(1, frame.camera.width // 60)
+            world = frame.camera.double().unproject_depth(frame.depth.double())[::step, ::step].reshape(-1, 3)
+            known = world.isfinite().all(-1)
+            points.append(world[known].numpy())
+            numbers.append(frame.ids[::step, ::step].reshape(-1)[known].numpy())
+    return np.concatenate(points), np.concatenate(numbers)
 
 
 def _from_view_to_view(sample: Sample) -> Iterator[Finding]:

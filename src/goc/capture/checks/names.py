@@ -41,13 +41,17 @@ def folder_findings(source: Source, wants_ids: bool, wants_depth: bool) -> Itera
 
 
 def _unused(folder: Path, kind: str, files: list[Path], source: Source) -> Finding:
+    """Ids under other names are refused; what is only not listed may be so on purpose."""
     flag = "--capture.no-use-ids" if kind == "id" else "--capture.no-use-depth"
-    return contradiction(
-        "folder-unused",
+    photographs = [path_of(view.image) for view in source.views]
+    listed = {path.stem for path in photographs} & {file.stem for file in files}
+    words = (
         f"{folder.name}/ holds {len(files)} images that no view uses (first: {shown(files[0].name)}; photographs: "
-        f"{shown(Path(source.views[0].name).name)} and so on). Name them as the photographs, or in the capture's file; "
-        f"or pass {flag} to leave them out.",
+        f"{shown(photographs[0].name)} and so on)"
     )
+    if listed or kind == "depth":
+        return doubt("folder-unused", f"{words}: name them in the capture's file if they belong to it")
+    return contradiction("folder-unused", f"{words}. Name them as the photographs, or pass {flag} to leave them out.")
 
 
 def _used(source: Source) -> set[Path]:

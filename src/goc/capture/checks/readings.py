@@ -55,21 +55,33 @@ class Reading:
     views: DepthViews
 
 
+def other_conventions(source: Source) -> Iterator[Convention]:
+    """Every direction and camera axes of poses that have a name, except those of the format."""
+    for direction, axes in itertools.product(_DIRECTIONS, OPENCV_AXES):
+        if (direction, axes) != (source.direction, source.axes):
+            yield Convention(poses=direction, axes=axes)
+
+
+def convention_words(source: Source, convention: Convention) -> tuple[str, str]:
+    """What poses look like, and the options that say so."""
+    words, options = [], []
+    if convention.poses not in (None, source.direction):
+        words.append(convention.poses)
+        options.append(f"{OPTION}.poses {convention.poses}")
+    if convention.axes not in (None, source.axes):
+        named = _axes_words(convention.axes)
+        words.append(f"with {named} axes" if words else f"to have {named} axes")
+        options.append(f"{OPTION}.axes {convention.axes}")
+    return " ".join(words), " ".join(options)
+
+
 def pose_readings(evidence: Evidence) -> Iterator[Reading]:
     """The direction of poses and the camera axes, by their names and options."""
     source, poses = evidence.source, evidence.views.poses
-    for direction, axes in itertools.product(_DIRECTIONS, OPENCV_AXES):
-        words, options = [], []
-        if direction != source.direction:
-            words.append(direction)
-            options.append(f"{OPTION}.poses {direction}")
-        if axes != source.axes:
-            words.append(f"to have {_axes_words(axes)} axes" if not words else f"with {_axes_words(axes)} axes")
-            options.append(f"{OPTION}.axes {axes}")
-        if words:
-            read = reread(poses, source, Convention(poses=direction, axes=axes))
-            remedy = f"Pass {' '.join(options)}."
-            yield Reading(looks=f"poses look {' '.join(words)}", remedy=remedy, views=_posed(evidence.views, read))
+    for convention in other_conventions(source):
+        looks, options = convention_words(source, convention)
+        views = _posed(evidence.views, reread(poses, source, convention))
+        yield Reading(looks=f"poses look {looks}", remedy=f"Pass {options}.", views=views)
 
 
 def mixed_readings(evidence: Evidence) -> Iterator[Reading]:

@@ -7,7 +7,7 @@ from goc.capture.checks.depth import depth_findings
 from goc.capture.checks.finding import Finding
 from goc.capture.checks.ids import id_findings
 from goc.capture.checks.names import cut_short, folder_findings
-from goc.capture.checks.photographs import photograph_findings
+from goc.capture.checks.photographs import photograph_findings, pose_findings
 from goc.capture.checks.sample import take_sample
 from goc.capture.config import CaptureConfig
 from goc.capture.source import Source
@@ -46,3 +46,4 @@ def findings(source: Source, capture: Capture, config: CaptureConfig) -> Iterato
     yield from depth_findings(sample)
     yield from id_findings(sample)
     yield from photograph_findings(sample)
+    yield from pose_findings(sample)

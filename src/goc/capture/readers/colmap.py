@@ -61,6 +61,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         id_names=names_beside(root),
         points=None if points is None else read_model_points(points),
         metric=False,
+        direction="world-to-camera",
     )
 
 
