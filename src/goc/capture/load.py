@@ -6,7 +6,7 @@ from goc.capture.assemble import assemble
 from goc.capture.checks import check_capture
 from goc.capture.config import CaptureConfig
 from goc.capture.convention import restated
-from goc.capture.readers import FORMATS, RECORDINGS
+from goc.capture.readers import FORMATS, RECORDINGS, Reader
 from goc.errors import CaptureError
 from goc.events import Listener, ignore
 from goc.files import is_file, is_folder
@@ -35,13 +35,23 @@ def load_capture(path: Path, config: CaptureConfig | None = None, notify: Listen
         FileError: one file is malformed. Damaged pixels may show only when that view is decoded.
     """
     config = config or CaptureConfig()
-    reader = next((reader for reader in FORMATS if reader.detect(path)), None)
-    if reader is None:
-        raise CaptureError(_nothing_found(path))
-    source = restated(reader.read(path, config, notify), config.convention)
+    source = read_source(path, config, notify)
     capture = assemble(source, config, notify)
     check_capture(source, capture, config, notify)
     return capture
+
+
+def read_source(path: Path, config: CaptureConfig, notify: Listener = ignore) -> Source:
+    """Files and cameras of a capture, as the user says that they are meant; raises what `load_capture` raises."""
+    return restated(reader_of(path).read(path, config, notify), config.convention)
+
+
+def reader_of(path: Path) -> Reader:
+    """The reader of a path's format; raises CaptureError where it has none."""
+    reader = next((reader for reader in FORMATS if reader.detect(path)), None)
+    if reader is None:
+        raise CaptureError(_nothing_found(path))
+    return reader
 
 
 def _nothing_found(path: Path) -> str:

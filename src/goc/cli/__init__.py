@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from goc import __version__
 from goc.cli.failures import guarded
 
-_COMMANDS = ("carve", "complete", "demo", "eval", "synth", "bench", "osc", "doctor")
+_COMMANDS = ("carve", "inspect", "complete", "demo", "eval", "synth", "bench", "osc", "doctor")
 _USAGE = """\
 usage: goc [--help] [--version] COMMAND ...
 
@@ -20,6 +20,7 @@ goc, the Gaussian Object Carver: photographs of a room in, separate objects out.
 
 commands:
   carve CAPTURE --out OUT   turn a folder of posed photographs into a scene and its objects
+  inspect CAPTURE           tell what a capture holds, and what is wrong with it
   complete INPUT --out MESH close one partial point cloud or mesh
   demo                      make a furnished room, photograph it and carve it: needs no data
   synth room|sensor         make a room with complete ground truth, or give a capture a sensor's faults

@@ -84,7 +84,7 @@ def agreement(views: DepthViews, close: float = CLOSE, needs_parallax: bool = Fa
 def _count(views: DepthViews, limit: float) -> _Counts:
     expected, found = _carried(views)
     ratio = expected / found
-    close = np.asarray(np.abs(ratio - 1) < limit)
+    close = np.abs(ratio - 1) < limit
     shares = [each.mean(2) for each in (close, ratio <= 1 - limit, ratio >= 1 + limit)]
     for each in shares:
         np.fill_diagonal(each, 0.0)
@@ -106,7 +106,7 @@ def _carried(views: DepthViews) -> tuple[Float64[np.ndarray, "v v p"], Float64[n
         square = (directions**2).sum(-1, keepdims=True)
         directions = np.where(square < views.fold, directions * (1 + views.radial * square), np.nan)
     pixels = directions * views.focal_px[:, None] + views.centre_px[:, None]
-    inside = ((pixels >= 0) & (pixels < views.sizes[:, None])).all(-1)
+    inside = np.all((pixels >= 0) & (pixels < views.sizes[:, None]), axis=-1)
     at = np.where(inside[..., None], pixels, 0).astype(int)
     found = views.depth[np.arange(len(views))[:, None], at[..., 1], at[..., 0]]
     return z, np.where(inside, found, np.nan).astype(np.float64)
