@@ -1,7 +1,7 @@
 """What alignment looks at: coarse images of each view without edges, and the points that it compares."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.ndimage
@@ -18,7 +18,7 @@ from goc.scene import Camera, Capture
 _SIDE_PX = 320
 """Longer side of the coarse images: finer ones took longer and fitted no better."""
 _BUDGET_BYTES = 400 * 2**20
-_BYTES_A_PIXEL = 20
+_BYTES_A_PIXEL = 31
 _JUMP = 0.05
 """Neighbouring pixels whose depths differ by this share are of two surfaces."""
 _MARGIN_PX = 2
@@ -37,6 +37,8 @@ class AlignedView:
     """Unit, camera axes; NaN = none."""
     image: UInt8[np.ndarray, "h w 3"]
     """sRGB."""
+    shades: dict[float, Float32[np.ndarray, "h w"]] = field(default_factory=dict)
+    """Blurred greys that were asked for, by their blur."""
 
     def with_pose(self, world_from_cam: Float[np.ndarray, "4 4"]) -> "_native.Camera":
         """Its camera elsewhere, as kernels take it."""
@@ -56,9 +58,11 @@ class AlignedView:
 
         The blur is told in pixels of an image whose longer side has 320.
         """
-        image = self.image.mean(-1, dtype=np.float32) if channel is None else self.image[..., channel]
-        sigma = sigma_px * max(image.shape) / _SIDE_PX
-        return scipy.ndimage.gaussian_filter(image.astype(np.float32) / 255.0, sigma, mode="nearest", truncate=3.0)
+        if channel is None:
+            if sigma_px not in self.shades:
+                self.shades[sigma_px] = _blurred(self.image @ np.full(3, 1 / 3, np.float32), sigma_px)
+            return self.shades[sigma_px]
+        return _blurred(self.image[..., channel].astype(np.float32), sigma_px)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -73,24 +77,30 @@ class Samples:
 
     def shown_with(self, grey: Float32[np.ndarray, "h w"]) -> "_native.Surface":
         """The points with what a grey image has there."""
-        down, across = np.gradient(grey)
-        detail = np.hypot(down, across)[self.pixels]
-        return _native.Surface(self.points, self.normals, np.ascontiguousarray(grey[self.pixels]), detail)
+        rows, columns = self.pixels
+        here, height, width = grey[self.pixels], *grey.shape
+        down = grey[np.minimum(rows + 1, height - 1), columns] - here
+        detail = np.hypot(down, grey[rows, np.minimum(columns + 1, width - 1)] - here)
+        return _native.Surface(self.points, self.normals, here, detail)
 
 
-def coarse_views(capture: Capture, views: list[int]) -> list[AlignedView | None]:
-    """Images of some views; None where a view has no depth."""
-    pixels = sum(capture.cameras[view].width * capture.cameras[view].height for view in views)
-    fewest = math.ceil(math.sqrt(pixels * _BYTES_A_PIXEL / _BUDGET_BYTES))
-    return [coarse_view(capture, view, fewest) for view in views]
+def _blurred(levels: Float32[np.ndarray, "h w"], sigma_px: float) -> Float32[np.ndarray, "h w"]:
+    sigma = sigma_px * max(levels.shape) / _SIDE_PX
+    return scipy.ndimage.gaussian_filter(levels / np.float32(255.0), sigma, mode="nearest", truncate=3.0)
 
 
-def coarse_view(capture: Capture, view: int, least_shrink: int = 1) -> AlignedView | None:
-    """One view's images, at most 320 pixels wide and high; None without depth."""
+def least_shrink(capture: Capture) -> int:
+    """By how much images have to be shrunk at least, so that those of all views fit into memory."""
+    pixels = sum(camera.width * camera.height for camera in capture.cameras)
+    return math.ceil(math.sqrt(pixels * _BYTES_A_PIXEL / _BUDGET_BYTES))
+
+
+def coarse_view(capture: Capture, view: int, fewest: int = 1) -> AlignedView | None:
+    """One view's images, at most 320 pixels wide and high, shrunk by `fewest` at least; None without depth."""
     frame = capture[view]
     if frame.depth is None:
         return None
-    shrink = max(least_shrink, -(-max(frame.camera.width, frame.camera.height) // _SIDE_PX))
+    shrink = max(fewest, -(-max(frame.camera.width, frame.camera.height) // _SIDE_PX))
     width, height = frame.camera.width // shrink, frame.camera.height // shrink
     whole = (slice(0, height * shrink), slice(0, width * shrink))
     image = F.avg_pool2d(frame.image[whole].float().permute(2, 0, 1), shrink).round().to(torch.uint8)
