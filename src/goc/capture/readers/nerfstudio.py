@@ -81,7 +81,6 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         depth_kind=document.depth_kind,
         id_names=names_beside(root),
         points=None if document.ply_file_path is None else seed_points(root / document.ply_file_path),
-        points=None if document.ply_file_path is None else read_points(root / document.ply_file_path),
         axes="opengl",
     )
 
