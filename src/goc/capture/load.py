@@ -7,6 +7,7 @@ from goc.capture.checks import check_capture
 from goc.capture.config import CaptureConfig
 from goc.capture.convention import restated
 from goc.capture.readers import FORMATS, RECORDINGS, Reader
+from goc.capture.source import Source
 from goc.errors import CaptureError
 from goc.events import Listener, ignore
 from goc.files import is_file, is_folder

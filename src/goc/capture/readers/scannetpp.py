@@ -174,8 +174,8 @@ def _pieces(file: Path) -> tuple[dict[int, Pixels], float]:
     for packing, dtype, each, units in made:
         count = height * width * each
         pieces: dict[int, Pixels] = {
-            number: PackedNumbers(Extent(file, f"frame {number}", *extent, count, packing), _PHONE_DEPTH, dtype)
-            for number, extent in enumerate(extents)
+            number: PackedNumbers(Extent(file, f"frame {number}", start, length, count, packing), _PHONE_DEPTH, dtype)
+            for number, (start, length) in enumerate(extents)
         }
         if packing == made[-1][0] or _is_readable(pieces[0]):
             return pieces, units
