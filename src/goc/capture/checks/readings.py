@@ -104,6 +104,15 @@ def mixed_readings(evidence: Evidence) -> Iterator[Reading]:
             remedy="Store the pixels as the poses see them, or turn the poses too.",
             views=_posed(views, _pose(rotation @ _roll(quarter), position)),
         )
+    on_side = views.sizes[:, 0] < views.sizes[:, 1]
+    if 0 < on_side.sum() < len(views):
+        for quarter in (1, 2, 3):
+            some = np.where(on_side[:, None, None], rotation @ _roll(quarter), rotation)
+            yield Reading(
+                looks=f"upright and wide images look turned against each other by {90 * quarter} degrees",
+                remedy="Turn the pixels of the upright ones, or their poses, so that both fit.",
+                views=_posed(views, _pose(some, position)),
+            )
     for turned, words in _axis_turns(source.axes):
         looks = f"the cameras' axes look like {words} instead of {_axes_words(source.axes)} ones"
         yield Reading(

@@ -82,7 +82,9 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         for number, camera in zip(numbers, found, strict=True)
     ]
     views = posed(root, views, notify)
-    return Source(path=path, views=views, least_confidence=_MEDIUM_CONFIDENCE, metric=True, up=(0.0, 1.0, 0.0))
+    return Source(
+        path=path, views=views, least_confidence=_MEDIUM_CONFIDENCE, metric=True, up=(0.0, 1.0, 0.0), axes="opengl"
+    )
 
 
 def _keyframes(path: Path) -> Path | None:

@@ -58,7 +58,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         message = f"{counted} photographs are missing and left out (first: {shown(absent[0])})"
         notify(Warned(stage="capture", message=message))
     views = tuple(_view(file, rows[name], image) for name, image in found.items())
-    return Source(path=file, views=views, id_names=names_beside(file.parent))
+    return Source(path=file, views=views, id_names=names_beside(file.parent), axes="opengl")
 
 
 def _listings(path: Path) -> list[Path]:

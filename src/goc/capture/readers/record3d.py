@@ -196,6 +196,7 @@ def _source(where: Path, metadata: _Metadata, parts: _Parts, config: CaptureConf
         x, y, z = (_pose(metadata.initPose)[:3, :3].T @ [0.0, 1.0, 0.0]).tolist()
         up = (x, y, z)
     return Source(
+        axes="opengl",
         path=where,
         views=posed(where, views, notify),
         depth_units_per_metre=1.0,

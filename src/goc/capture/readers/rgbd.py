@@ -16,7 +16,7 @@ import numpy as np
 from goc.capture.config import CaptureConfig
 from goc.capture.poses import PoseError, rigid
 from goc.capture.readers.reader import Reader
-from goc.capture.source import IdCodes, Lens, Source, View, complain, count_of, parse_id_names
+from goc.capture.source import IdCodes, Lens, Source, View, complain, count_of, parse_id_names, shown
 from goc.errors import CaptureError, FileError
 from goc.events import Listener, Warned
 from goc.files import image_size, is_file, is_folder, read_json, read_matrix
@@ -58,7 +58,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         raise CaptureError(
             f"{path / 'color'}: holds no {', '.join(_COLOUR)} images. Check that the capture is complete."
         )
-    images = _with_poses(path, images, config, notify)
+    images = _tracked(path, _with_poses(path, images, config, notify), notify)
     _report_orphans(path, images, notify)
     where, meta = _meta(path, images[0])
     has_depth = is_folder(path / "depth")
@@ -94,6 +94,23 @@ def _with_poses(path: Path, images: list[Path], config: CaptureConfig, notify: L
         message = f"{counted} color images have no pose and are left out (first: {lacking[0]})"
         notify(Warned(stage="capture", message=message))
     return [image for image in images if image.name not in lacking]
+
+
+def _tracked(path: Path, images: list[Path], notify: Listener) -> list[Path]:
+    """The images whose pose is known: where tracking was lost, ScanNet and others write nothing but -inf or nan."""
+    lost = [image.name for image in images if _is_lost(_pose_path(path, image))]
+    if lost and len(lost) < len(images):
+        message = f"{count_of(lost, len(images))} views have no finite pose and are left out (first: {shown(lost[0])})"
+        notify(Warned(stage="capture", message=message))
+        return [image for image in images if image.name not in set(lost)]
+    return images
+
+
+def _is_lost(pose: Path) -> bool:
+    try:
+        return not np.isfinite(read_matrix(pose, finite=False)[:3]).any()
+    except FileError:
+        return False  # told with all others that are not usable
 
 
 def _report_orphans(path: Path, images: list[Path], notify: Listener) -> None:

@@ -69,7 +69,9 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         for number, frame in thinned(steady, config, notify)
     ]
     views = posed(path, views, notify)
-    return Source(path=path, views=views, least_confidence=_MEDIUM_CONFIDENCE, metric=True, up=(0.0, 1.0, 0.0))
+    return Source(
+        path=path, views=views, least_confidence=_MEDIUM_CONFIDENCE, metric=True, up=(0.0, 1.0, 0.0), axes="opengl"
+    )
 
 
 def _pose(where: Path, frame: _Frame) -> np.ndarray:
