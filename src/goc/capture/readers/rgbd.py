@@ -58,8 +58,9 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         raise CaptureError(
             f"{path / 'color'}: holds no {', '.join(_COLOUR)} images. Check that the capture is complete."
         )
-    images = _tracked(path, _with_poses(path, images, config, notify), notify)
+    images = _with_poses(path, images, config, notify)
     _report_orphans(path, images, notify)
+    images = _tracked(path, images, notify)
     where, meta = _meta(path, images[0])
     has_depth = is_folder(path / "depth")
     ids = next((path / folder for folder in _ID_FOLDERS if is_folder(path / folder)), None)
