@@ -88,7 +88,7 @@ def kept_box(lens: Lens) -> Box:
     return box
 
 
-@lru_cache(maxsize=64)  # a grid is 8 bytes a pixel of a view; captures nearly always share one or six
+@lru_cache(maxsize=16)  # 8 bytes a pixel of a view; captures nearly always share one lens, or the six faces of one
 def sampling_grid(lens: Lens, view: Pinhole | None = None) -> Float32[Tensor, "h w 2"]:
     """Where to look in the stored image for each pixel of a pinhole view along the lens's axis or turn.
 

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64, Shaped
+from jaxtyping import Float64, Shaped, UInt8
+from scipy.ndimage import map_coordinates
 
 from goc.files import write_depth, write_ids, write_image, write_json
 from goc.synth.export.exporter import Exporter
@@ -28,7 +29,7 @@ def _write_fisheye(room: RoomCapture, out: Path) -> None:
     frames = []
     for view in room.views:
         at = _pinhole_pixels(view)
-        write_image(out / "images" / f"{view.name}.png", _picked(view.image(), at, 0.0))
+        write_image(out / "images" / f"{view.name}.png", _mixed(view.image(), at))
         write_depth(out / "depth" / f"{view.name}.png", _picked(view.depth(), at, np.nan))
         write_ids(out / "instance" / f"{view.name}.png", _picked(view.ids(), at, -1.0))
         circle = {"fisheye_crop_radius": _circle_px(view)}
@@ -80,6 +81,15 @@ def _picked(
     picked = image[row.clip(0, height - 1), column.clip(0, width - 1)].copy()
     picked[outside] = otherwise
     return picked
+
+
+def _mixed(image: UInt8[np.ndarray, "h w 3"], at: Float64[np.ndarray, "h w 2"]) -> UInt8[np.ndarray, "h w 3"]:
+    """Colours at some places, bilinear between pixels; those of the border outside."""
+    places = np.moveaxis(at[..., ::-1] - 0.5, -1, 0)
+    planes = [
+        map_coordinates(image[..., channel].astype(float), places, order=1, mode="nearest") for channel in range(3)
+    ]
+    return np.rint(np.stack([*planes], -1)).astype(np.uint8)
 
 
 EXPORTER = Exporter(name="nerfstudio", writes="transforms.json, depth, ids in instance/", write=_write)
