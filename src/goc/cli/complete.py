@@ -9,20 +9,22 @@ from typing import Annotated
 
 import numpy as np
 import tyro
+from jaxtyping import Float64
 
 from goc.cli.arguments import parse
 from goc.cli.progress import duration, shown_progress
 from goc.complete import ClosedScan, ScanConfig, complete_scan
-from goc.errors import ConfigError
+from goc.errors import ConfigError, FileError
 from goc.files import read_scan, write_glb, write_mesh
 from goc.geometry.surfaces import surface_cloud, vertex_normals
 from goc.geometry.topology import is_watertight, signed_volume
-from goc.scene import Mesh, World
+from goc.geometry.winding import consistently_wound
+from goc.scene import Mesh, PointCloud, World
 
 _DESCRIPTION = """Close one partial scan: a point cloud or mesh of an object that was seen in part.
 
-INPUT is .ply, .pcd, .glb, .obj, .xyz, .txt or .pts. Normals are estimated where a point cloud has none; a mesh must be
-wound counter-clockwise seen from outside. Where the scan was seen from is found out if it was one place (from its file,
+INPUT is .ply, .glb, .gltf, .obj, .stl, .off, .pcd, .las, .laz, .e57, or text (.xyz, .txt, .pts, .asc, .csv). Normals are
+estimated where a point cloud has none; a mesh must be wound counter-clockwise seen from outside. Where the scan was seen from is found out if it was one place (from its file,
 from the origin, or from how dense its points are), and space that was seen through stays empty; otherwise nothing is
 known to be empty, and more is a guess. The output tells what was taken for granted, and what share is imagined. If you
 have the views of a scan, use `goc carve`, which knows the rays of all of them.
@@ -61,32 +63,50 @@ def main(words: Sequence[str]) -> int:
     if arguments.out.exists() and not arguments.overwrite:
         raise ConfigError(f"{arguments.out}: is there already. Pass --overwrite to replace it.")
     started = time.monotonic()
-    done = _completed(arguments)
-    _write(done, arguments)
+    given = read_scan(arguments.source)
+    cloud, remarks = _cloud(arguments.source, given.surface)
+    with shown_progress() as notify:
+        done = complete_scan(cloud, _config(arguments, given.offset), notify)
+    _write(done, arguments, given.offset)
+    done = replace(done, assumed=(*given.remarks, *remarks, *done.assumed))
     sys.stdout.write(_summary(done, arguments.out, time.monotonic() - started))
     return 0
 
 
-def _completed(arguments: Arguments) -> ClosedScan:
-    given = read_scan(arguments.source)
-    if isinstance(given, Mesh):
-        if is_watertight(given):
-            raise ConfigError(f"{arguments.source}: is watertight already. There is nothing to complete.")
-        given = surface_cloud(given, _SAMPLES)
+def _cloud(source: Path, surface: Mesh | PointCloud) -> tuple[PointCloud, tuple[str, ...]]:
+    """Points of a scan, and what was done to have them; faces of a mesh are first wound like their neighbours."""
+    if isinstance(surface, PointCloud):
+        return surface, ()
+    surface, turned = consistently_wound(surface)
+    if is_watertight(surface):
+        raise ConfigError(f"{source}: is watertight already. There is nothing to complete.")
+    words = f"{turned:,} of its {len(surface.faces):,} faces were wound against their neighbours: turned round"
+    try:
+        return surface_cloud(surface, _SAMPLES), (words,) if turned else ()
+    except ValueError as error:
+        raise FileError(f"{source}: none of its {len(surface.faces):,} faces has an area. Repair the mesh.") from error
+
+
+def _config(arguments: Arguments, offset: Float64[np.ndarray, "3"]) -> ScanConfig:
+    """The settings, places and planes moved to where the scan was moved to."""
     config = arguments.scan
     if config.up is None and config.support_plane is None and not config.find_support and _is_y_up(arguments.source):
         config = replace(config, up="y")
-    with shown_progress() as notify:
-        return complete_scan(given, config, notify)
+    if offset.any():
+        config = replace(config, viewpoint=tuple(tuple((np.array(eye) - offset).tolist()) for eye in config.viewpoint))
+        if config.support_plane is not None:
+            *normal, constant = config.support_plane
+            config = replace(config, support_plane=(*normal, float(constant + np.array(normal) @ offset)))
+    return config
 
 
 def _is_y_up(path: Path) -> bool:
-    return path.suffix.lower() in (".glb", ".obj")
+    return path.suffix.lower() in (".glb", ".gltf", ".obj")
 
 
-def _write(done: ClosedScan, arguments: Arguments) -> None:
+def _write(done: ClosedScan, arguments: Arguments, offset: Float64[np.ndarray, "3"]) -> None:
     if arguments.out.suffix.lower() == ".ply":
-        write_mesh(arguments.out, done.mesh, done.observed)
+        write_mesh(arguments.out, done.mesh, done.observed, offset)
         return
     world = World(up=done.up, floor=0.0, confidence=1.0, units_per_metre=1.0, metric=True)
     write_glb(arguments.out, done.mesh, vertex_normals(done.mesh), world.level_from_world, arguments.source.stem)

@@ -24,8 +24,9 @@ from goc.files.layout import ObjectFiles, object_files, object_ids
 from goc.files.meshes import read_mesh, read_observed_mesh, read_points, write_mesh, write_points
 from goc.files.ply import Lists, read_ply, write_ply
 from goc.files.rasters import depth_of, raster_size, read_depth, read_raster
+from goc.files.raw_points import Scan
 from goc.files.reading import is_file, is_folder, read_bytes
-from goc.files.scans import read_scan
+from goc.files.scans import SCAN_SUFFIXES, read_scan
 from goc.files.scene_folder import SurfaceKind, read_meshes, read_scene, write_meshes, write_scene
 from goc.files.splats import read_splats, write_splats
 from goc.files.tensors import read_tensors, write_tensors
@@ -35,6 +36,8 @@ __all__ = [
     "MILLIMETRES",
     "Lists",
     "ObjectFiles",
+    "SCAN_SUFFIXES",
+    "Scan",
     "SurfaceKind",
     "as_json",
     "depth_of",

@@ -3,29 +3,39 @@
 from pathlib import Path
 
 import numpy as np
-from jaxtyping import Bool, Float32, Int32, UInt8
+from jaxtyping import Bool, Float, Float32, Float64, Int32, Shaped, UInt8
 
 from goc.errors import FileError
+from goc.files.offsets import recentred
 from goc.files.ply import Column, Lists, read_ply, write_ply
+from goc.files.raw_points import as_bytes
 from goc.scene import Mesh, PointCloud
 
 _FACES = ("vertex_indices", "vertex_index")
+_RGB = (("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"))
 _NO_COLOUR = 128  # mid grey, sRGB
 
 
-def write_mesh(path: Path, mesh: Mesh, observed: Bool[np.ndarray, "v"] | None = None) -> None:
+def write_mesh(
+    path: Path,
+    mesh: Mesh,
+    observed: Bool[np.ndarray, "v"] | None = None,
+    offset: Float64[np.ndarray, "3"] | None = None,
+) -> None:
     """Write a mesh as binary PLY, atomically.
 
     Args:
         path: ends in .ply.
         mesh: metres, world.
         observed: per vertex, whether some camera measured this surface; becomes a uchar property of that name.
+        offset: added to the positions, which then are written in double precision.
 
     Raises:
         FileError: an index out of range or a position that is not finite (nothing is written), or the disk refuses.
     """
     check_mesh(path, mesh.vertices, mesh.faces)
-    vertex = _xyz(mesh.vertices) | _rgb(mesh.colours)
+    far = offset is not None and offset.any()
+    vertex = _xyz(mesh.vertices.astype(np.float64) + offset if far else mesh.vertices) | _rgb(mesh.colours)
     if observed is not None:
         vertex["observed"] = observed.astype(np.uint8)
     write_ply(path, {"vertex": vertex, "face": {"vertex_indices": mesh.faces}})
@@ -81,9 +91,36 @@ def read_points(path: Path) -> PointCloud:
     return PointCloud(positions=positions, colours=colours, normals=normals)
 
 
-def _mesh(path: Path, elements: dict[str, dict[str, Column]]) -> Mesh:
+def raw_vertices(
+    path: Path, elements: dict[str, dict[str, Column]]
+) -> tuple[Float[np.ndarray, "v 3"], Shaped[np.ndarray, "v 3"] | None, Float[np.ndarray, "v 3"] | None]:
+    """Positions of the vertices of a PLY file in its own precision, their colours and their normals, if there are any.
+
+    Raises:
+        FileError: there are no vertices, or one of three columns is missing.
+    """
     vertex = _vertices(path, elements)
-    vertices = _triple(path, vertex, ("x", "y", "z"))
+    normals = _stored(path, vertex, ("nx", "ny", "nz")).astype(np.float32) if "nx" in vertex else None
+    return _stored(path, vertex, ("x", "y", "z")), _colours(path, vertex), normals
+
+
+def placed_mesh(path: Path, elements: dict[str, dict[str, Column]]) -> tuple[Mesh, Float64[np.ndarray, "3"]]:
+    """The mesh of a PLY file about an origin that single precision can bear, and where that lies in the file's frame.
+
+    Raises:
+        FileError: as `read_mesh`.
+    """
+    positions = _stored(path, _vertices(path, elements), ("x", "y", "z"))
+    _check_finite(path, positions)
+    vertices, offset = recentred(path, positions)
+    return _mesh(path, elements, vertices), offset
+
+
+def _mesh(
+    path: Path, elements: dict[str, dict[str, Column]], vertices: Float32[np.ndarray, "v 3"] | None = None
+) -> Mesh:
+    vertex = _vertices(path, elements)
+    vertices = _triple(path, vertex, ("x", "y", "z")) if vertices is None else vertices
     columns = elements.get("face", {})
     polygons = next((columns[name] for name in _FACES if name in columns), None)
     if not isinstance(polygons, Lists) or not len(polygons.counts) or polygons.values.dtype.kind == "f":
@@ -122,23 +159,30 @@ def _vertices(path: Path, elements: dict[str, dict[str, Column]]) -> dict[str, C
 
 
 def _triple(path: Path, vertex: dict[str, Column], names: tuple[str, str, str]) -> Float32[np.ndarray, "v 3"]:
+    with np.errstate(over="ignore"):  # doubles beyond float32 become infinite and are refused as such
+        return _stored(path, vertex, names).astype(np.float32)
+
+
+def _stored(path: Path, vertex: dict[str, Column], names: tuple[str, str, str]) -> Float[np.ndarray, "v 3"]:
+    """Three columns in the precision of the file, as single precision at least."""
     columns = [vertex.get(name) for name in names]
     if not all(isinstance(column, np.ndarray) for column in columns):
         raise FileError(f"{path}: expected the vertex properties {' '.join(names)} together. Write the file again.")
-    with np.errstate(over="ignore"):  # doubles beyond float32 become infinite and are refused as such
-        return np.stack([np.asarray(column).astype(np.float32) for column in columns], 1)
+    table = np.stack([np.asarray(column) for column in columns], 1)
+    return table if table.dtype in (np.float32, np.float64) else table.astype(np.float64)
 
 
 def _colours(path: Path, vertex: dict[str, Column]) -> UInt8[np.ndarray, "v 3"] | None:
-    if "red" not in vertex:
+    names = next((names for names in _RGB if names[0] in vertex), None)
+    if names is None:
         return None
-    columns = [vertex.get(name) for name in ("red", "green", "blue")]
-    if not all(isinstance(column, np.ndarray) and column.dtype == np.uint8 for column in columns):
-        raise FileError(f"{path}: expected red, green and blue as uchar. Write the colours as 0 to 255.")
-    return np.stack(columns, 1)
+    columns = [vertex.get(name) for name in names]
+    if not all(isinstance(column, np.ndarray) for column in columns):
+        raise FileError(f"{path}: expected {', '.join(names)} together, a number each. Write the colours again.")
+    return as_bytes(np.stack([np.asarray(column) for column in columns], 1), len(np.asarray(columns[0])))
 
 
-def _xyz(positions: Float32[np.ndarray, "v 3"]) -> dict[str, np.ndarray]:
+def _xyz(positions: Float[np.ndarray, "v 3"]) -> dict[str, np.ndarray]:
     return {name: positions[:, i] for i, name in enumerate("xyz")}
 
 

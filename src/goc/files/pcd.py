@@ -7,43 +7,36 @@ import numpy as np
 from jaxtyping import UInt8
 
 from goc.errors import FileError
+from goc.files.raw_points import RawPoints
 from goc.files.reading import brief, read_bytes
-from goc.scene import PointCloud
 
 _LIMIT = 1 << 30
-_NO_COLOUR = 128  # mid grey, sRGB
 _KINDS = {"F": "f", "U": "u", "I": "i"}
 _NORMAL = ("normal_x", "normal_y", "normal_z")
 
 
-def read_pcd(path: Path) -> PointCloud:
+def read_pcd(path: Path) -> RawPoints:
     """Read a PCD file of any of its three encodings (https://pointclouds.org/documentation: PCD 0.7).
 
-    Points without a finite position, with which organised clouds are filled up, are left out; so are all normals if one
-    of a point with a position is not finite. The translation of VIEWPOINT is where the points were seen from, unless it
-    is the default 0 0 0, which tells nothing.
+    Points without a finite position, with which organised clouds are filled up, are kept. The translation of VIEWPOINT
+    is where the points were seen from, unless it is the default 0 0 0, which tells nothing.
 
     Raises:
-        FileError: missing, damaged, or without points.
+        FileError: missing, or damaged.
     """
     data = read_bytes(path, _LIMIT)
     try:
         header, body = _header(data)
         table = _table(header, body)
-        positions = _columns(table, ("x", "y", "z")).astype(np.float32)
+        positions = _columns(table, ("x", "y", "z"))
         place = [float(value) for value in header.get("VIEWPOINT", ["0"] * 7)[:3]]
     except (KeyError, ValueError, IndexError, TypeError) as error:
         raise FileError(f"{path}: not a readable PCD file ({brief(error)}). Write it again.") from error
-    known = np.isfinite(positions).all(axis=1)
-    if not known.any():
-        raise FileError(f"{path}: holds no points. Write the file again.")
-    normals = None
-    if all(name in table for name in _NORMAL):
-        normals = _columns(table, _NORMAL).astype(np.float32)[known]
-    return PointCloud(
-        positions=positions[known],
-        colours=_colours(table, len(positions))[known],
-        normals=normals if normals is not None and np.isfinite(normals).all() else None,
+    normals = _columns(table, _NORMAL) if all(name in table for name in _NORMAL) else None
+    return RawPoints(
+        positions=positions if positions.dtype.kind == "f" else positions.astype(np.float64),
+        colours=_colours(table),
+        normals=normals,
         seen_from=np.array(place) if any(place) and np.isfinite(place).all() else None,
     )
 
@@ -96,10 +89,10 @@ def _columns(table: Mapping[str, np.ndarray], names: tuple[str, ...]) -> np.ndar
     return np.stack([table[name] for name in names], axis=-1)
 
 
-def _colours(table: Mapping[str, np.ndarray], count: int) -> UInt8[np.ndarray, "p 3"]:
+def _colours(table: Mapping[str, np.ndarray]) -> UInt8[np.ndarray, "p 3"] | None:
     packed = table.get("rgb", table.get("rgba"))
     if packed is None:
-        return np.full((count, 3), _NO_COLOUR, np.uint8)
+        return None
     bits = packed.astype(np.float32).view(np.uint32) if packed.dtype.kind == "f" else packed.astype(np.uint32)
     return np.stack([bits >> 16, bits >> 8, bits], axis=-1).astype(np.uint8)
 
