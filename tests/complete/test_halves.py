@@ -5,7 +5,7 @@ import pytest
 
 from goc.complete import ScanConfig, complete_scan
 from goc.complete.copies import with_copy
-from goc.complete.halves import other_half
+from goc.complete.halves import find_cut, other_half
 from goc.complete.scan_points import with_normals
 from oracles.watertight import signed_volume, trouble
 from scankinds import bare
@@ -32,7 +32,7 @@ def turned(points, degrees):
 def test_half_a_box_cut_askew_is_turned_and_not_mirrored():
     whole = turned(box_points(16_000, (1.0, 0.6, 0.5)), 30)
     half = with_normals(bare(whole[whole[:, 0] > 0]), ())
-    copy = other_half(half, UP)
+    copy = other_half(half, UP, find_cut(half, UP))
     assert copy is not None and copy.name == "half turn"
     np.testing.assert_allclose(copy.image(np.array([[0.2, 0.1, 0.1]])), [[-0.2, -0.1, 0.1]], atol=0.03)
     both = with_copy(half, copy)
@@ -46,15 +46,15 @@ def test_half_of_what_only_a_mirror_mends_is_mirrored():
     low, high = box_points(9000, (1.0, 0.8, 0.2)), box_points(5000, (0.3, 0.8, 0.5), seed=1) + [0.35, 0, 0.35]
     whole = np.concatenate([low, high])
     half = with_normals(bare(whole[whole[:, 1] > 0]), ())
-    copy = other_half(half, UP)
+    copy = other_half(half, UP, find_cut(half, UP))
     assert copy is not None and copy.name == "mirror image"
     np.testing.assert_allclose(copy.image(np.array([[0.3, 0.2, 0.1]])), [[0.3, -0.2, 0.1]], atol=0.03)
 
 
 def test_a_scan_that_ends_nowhere_or_below_is_no_half():
     points = box_points(8000, (1.0, 0.6, 0.5))
-    assert other_half(with_normals(bare(points), ()), UP) is None
-    assert other_half(with_normals(bare(points[points[:, 2] > -0.2]), ()), UP) is None
+    assert find_cut(with_normals(bare(points), ()), UP) is None
+    assert find_cut(with_normals(bare(points[points[:, 2] > -0.2]), ()), UP) is None
 
 
 @pytest.mark.parametrize(("copies", "share"), [(True, 1.0), (False, 0.5)])

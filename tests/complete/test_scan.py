@@ -8,9 +8,9 @@ from goc.cli import main
 from goc.complete import ScanConfig, complete_scan, with_margin
 from goc.complete.poisson import poisson_fill
 from goc.complete.scan_evidence import measured_scan, scan_grid
-from goc.errors import CompleteError, ConfigError, FileError
+from goc.errors import CompleteError, ConfigError
 from goc.events import Warned
-from goc.files import read_observed_mesh, read_scan, write_mesh, write_points
+from goc.files import read_observed_mesh, read_ply, write_mesh, write_ply, write_points
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.orientation import point_normals
 from goc.geometry.surfaces import face_areas, surface_cloud, vertex_normals
@@ -147,7 +147,12 @@ def test_points_on_a_mesh_are_uniform_and_know_their_normals():
         surface_cloud(Mesh(vertices=mesh.vertices, faces=mesh.faces[:0]), 10)
 
 
-def test_the_command_closes_files_of_every_kind(tmp_path, capsys):
+@pytest.fixture
+def few_samples(monkeypatch):
+    monkeypatch.setattr("goc.cli.complete._SAMPLES", 6000)
+
+
+def test_the_command_closes_files_of_every_kind(tmp_path, capsys, few_samples):
     cloud = ball(3000)
     write_points(tmp_path / "points.ply", cloud)
     write_mesh(tmp_path / "mesh.ply", open_ball())
@@ -171,6 +176,33 @@ def test_the_command_closes_files_of_every_kind(tmp_path, capsys):
     assert "of the surface imagined" in capsys.readouterr().out
 
 
+def test_a_scan_on_a_national_grid_is_closed_where_it_is(tmp_path, capsys):
+    place = np.array([483_250.0, 4_605_120.0, 812.0])
+    vertex = {name: ball().positions[:, axis] + place[axis] for axis, name in enumerate("xyz")}
+    write_ply(tmp_path / "far.ply", {"vertex": vertex})
+    eye = [str(value) for value in place + CENTRE + [0, 0, 5.0]]
+    words = ["--cells", "24", "--method", "convex", "--viewpoint", *eye, "--support-plane", "0", "0", "1", "-812.6"]
+    assert main(["complete", str(tmp_path / "far.ply"), "--out", str(tmp_path / "closed.ply"), *words]) == 0
+    closed = read_ply(tmp_path / "closed.ply")["vertex"]
+    found = np.stack([closed[axis] for axis in "xyz"], axis=-1)
+    assert found.dtype == np.float64
+    np.testing.assert_allclose((found.max(axis=0) + found.min(axis=0))[:2] / 2, (place + CENTRE)[:2], atol=0.03)
+    assert found[:, 2].min() == pytest.approx(812.6, abs=0.1)  # down to where it stands
+    assert "computed about 483250 4605120 810" in capsys.readouterr().out
+
+
+def test_faces_wound_at_random_are_turned_and_told(tmp_path, capsys, few_samples):
+    mesh = open_ball()
+    faces = mesh.faces.copy()
+    faces[::3] = faces[::3, ::-1]
+    write_mesh(tmp_path / "mixed.ply", Mesh(vertices=mesh.vertices, faces=faces))
+    words = ["--cells", "24", "--method", "smooth"]
+    assert main(["complete", str(tmp_path / "mixed.ply"), "--out", str(tmp_path / "closed.ply"), *words]) == 0
+    closed, _ = read_observed_mesh(tmp_path / "closed.ply")
+    assert signed_volume(closed.vertices, closed.faces) == pytest.approx(4 / 3 * np.pi * 0.9**3, rel=0.15)
+    assert f"{len(faces[::3]):,} of its {len(faces):,} faces were wound against" in capsys.readouterr().out
+
+
 def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
     scan, closed = tmp_path / "points.ply", tmp_path / "closed.ply"
     write_points(scan, ball(3000))
@@ -183,35 +215,3 @@ def test_the_command_refuses_what_it_cannot_do(tmp_path, capsys):
         assert main(["complete", str(source), "--out", str(out)]) == 2
         assert text in capsys.readouterr().err
     assert main(["complete", str(tmp_path / "none.xyz"), "--out", str(tmp_path / "c.ply")]) == 3
-
-
-@pytest.mark.parametrize(
-    ("text", "problem"),
-    [
-        ("", "holds no points"),
-        ("1 2\n3 4\n", "2 numbers a line; 3, 6 or 9 are expected"),
-        ("1 2 3\n1 2\n", "not numbers in equal rows"),
-        ("1 2 x\n", "not numbers in equal rows"),
-        ("1 2 3\n1 2 nan\n", r"1 of 2 points are not finite \(first: 1\)"),
-    ],
-)
-def test_damaged_text_is_refused(tmp_path, text, problem):
-    path = tmp_path / "points.xyz"
-    path.write_text(text)
-    with pytest.raises(FileError, match=problem):
-        read_scan(path)
-
-
-def test_text_may_hold_colours_or_normals(tmp_path):
-    path = tmp_path / "points.xyz"
-    path.write_text("# a scan\n0 0 0 255 0 10\n1 0 0 0 20 255\n")
-    scan = read_scan(path)
-    assert isinstance(scan, PointCloud) and scan.normals is None and scan.colours[1].tolist() == [0, 20, 255]
-    path.write_text("0 0 0 0 0 1\n1 0 0 0 -1 0\n")
-    scan = read_scan(path)
-    assert isinstance(scan, PointCloud) and scan.normals is not None and scan.normals[1].tolist() == [0, -1, 0]
-    path.write_text("0 0 0 9 8 7 0 0 1\n")
-    scan = read_scan(path)
-    assert isinstance(scan, PointCloud) and scan.normals is not None and scan.colours[0].tolist() == [9, 8, 7]
-    with pytest.raises(FileError, match=r"a\.stl: not a scan that goc reads"):
-        read_scan(tmp_path / "a.stl")

@@ -15,7 +15,7 @@ from goc.evaluation import Evaluation, evaluate, write_evaluation
 from goc.evaluation.prediction import read_prediction
 from goc.evaluation.protocols.replica import oriented_box
 from goc.evaluation.truth import read_truth
-from goc.events import ignore
+from goc.events import Warned, ignore
 from goc.files import write_mesh
 from goc.pipeline import CarveConfig
 from goc.report import write_report
@@ -34,6 +34,27 @@ def truth(tmp_path_factory):
 @pytest.fixture
 def perfect(tmp_path):
     return write_run(tmp_path / "run", {1: CRATE, 2: CUPBOARD}, WHOLE)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda mesh: replace(mesh, vertices=mesh.vertices * np.float32(1000)), "in millimetres. Scale it to metres"),
+        (lambda mesh: replace(mesh, vertices=mesh.vertices * np.float32(3.28)), "it seems to be in feet"),
+        (
+            lambda mesh: replace(mesh, vertices=mesh.vertices / np.float32(5)),
+            "times as large as the truth, and its scores",
+        ),
+        (lambda mesh: moved(mesh, (90.0, 0.0, 0.0)), "lies beside the truth, not in it"),
+        (lambda mesh: mesh, None),
+    ],
+)
+def test_a_run_in_another_unit_or_frame_is_told(truth, tmp_path, change, words):
+    run = write_run(tmp_path / "run", {1: change(CRATE), 2: change(CUPBOARD)}, change(WHOLE))
+    heard = []
+    evaluate(run, truth, notify=heard.append)
+    warnings = [event.message for event in heard if isinstance(event, Warned)]
+    assert len(warnings) == (words is not None) and all(words in message for message in warnings)
 
 
 @pytest.fixture

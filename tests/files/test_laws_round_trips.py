@@ -56,7 +56,7 @@ def test_meshes(tmp_path, mesh, scale, coloured):
     np.testing.assert_array_equal(after.faces, before.faces)
     np.testing.assert_array_equal(flags, observed)
     assert (after.colours is None) if colours is None else np.array_equal(after.colours, colours)
-    again, scan = read_mesh(tmp_path / "m.ply"), read_scan(tmp_path / "m.ply")
+    again, scan = read_mesh(tmp_path / "m.ply"), read_scan(tmp_path / "m.ply").surface
     assert isinstance(scan, Mesh) and np.array_equal(again.vertices, scan.vertices)
 
 
@@ -68,7 +68,7 @@ def test_points(tmp_path, count, scale, normals):
         normals=random(2).normal(size=(count, 3)).astype(np.float32) if normals else None,
     )
     write_points(tmp_path / "p.ply", before)
-    for after in (read_points(tmp_path / "p.ply"), read_scan(tmp_path / "p.ply")):
+    for after in (read_points(tmp_path / "p.ply"), read_scan(tmp_path / "p.ply").surface):
         assert isinstance(after, PointCloud)
         np.testing.assert_array_equal(after.positions, before.positions)
         np.testing.assert_array_equal(after.colours, before.colours)

@@ -109,12 +109,7 @@ def test_points_without_colour_are_grey(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "row", "message"),
     [
-        (
-            "property float red\nproperty float green\nproperty float blue\n",
-            "1 2 3 1 1 1",
-            "red, green and blue as uchar",
-        ),
-        ("property uchar red\n", "1 2 3 1", "red, green and blue as uchar"),
+        ("property uchar red\n", "1 2 3 1", "expected red, green, blue together"),
         ("property float nx\n", "1 2 3 1", "properties nx ny nz together"),
         ("property float nx\nproperty float ny\nproperty float nz\n", "1 2 3 0 nan 1", "vertices are not finite"),
     ],

@@ -46,7 +46,7 @@ def body(kind):
 def test_all_encodings_are_read(tmp_path, kind):
     path = tmp_path / "cloud.pcd"
     path.write_bytes(header(kind) + body(kind))
-    cloud = read_scan(path)
+    cloud = read_scan(path).surface
     np.testing.assert_array_equal(cloud.positions, POINTS[[0, 1, 3]])
     np.testing.assert_array_equal(cloud.colours, [[200, 100, 50]] * 3)
     np.testing.assert_array_equal(cloud.normals, [[0, 0, 1]] * 3)
@@ -61,7 +61,7 @@ def test_copies_that_overlap_themselves_are_unpacked(tmp_path):
     text = "VERSION 0.7\nFIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nWIDTH 4\nHEIGHT 1\nPOINTS 4\nDATA binary_compressed\n"
     path = tmp_path / "ones.pcd"
     path.write_bytes(text.encode() + np.array([len(packed), length], "<u4").tobytes() + packed)
-    cloud = read_scan(path)
+    cloud = read_scan(path).surface
     np.testing.assert_array_equal(cloud.positions, np.ones((4, 3)))
     assert cloud.seen_from is None and cloud.normals is None
 
@@ -69,7 +69,7 @@ def test_copies_that_overlap_themselves_are_unpacked(tmp_path):
 def test_the_viewpoint_that_all_files_have_says_nothing(tmp_path):
     path = tmp_path / "cloud.pcd"
     path.write_bytes(header("ascii", "0 0 0 1 0 0 0") + body("ascii"))
-    assert read_scan(path).seen_from is None
+    assert read_scan(path).surface.seen_from is None
 
 
 @pytest.mark.parametrize(

@@ -1,120 +1,111 @@
 """The other half of a scan that ends in a plane: mirrored there, or turned by half a circle, if it then joins."""
 
+from dataclasses import dataclass
+
 import numpy as np
-from jaxtyping import Bool, Float, Float64
+from jaxtyping import Float, Float64, Int64
 from scipy.spatial import cKDTree
 
 from goc.complete.copies import Copy
 from goc.scene import PointCloud
 
-_NEIGHBOURS = 20
-_GAP = 2.0
-"""Angle, in radians, without neighbours from which on a point is on the rim."""
-_TRIALS = 300
-_TOLERANCE = 2.5
-"""Distance from a cut, in spacings of the points, up to which a point of the rim lies in it."""
-_LEAST_RIM, _LEAST_POINTS = 0.4, 24
-"""Share of the rim that lies in the cut, and number of points of it."""
-_MOST_BEYOND = 0.01
-"""Greatest share of points beyond the cut."""
-_LEAST_DEPTH, _LEAST_WIDTH = 0.15, 0.15
-"""Least depth of the scan behind the cut, and spread of the rim in it, in longest sides."""
-_UPRIGHT = 0.5
-"""Greatest sine between a cut and up: what ends in a level plane stood on something, or is open above."""
+_TURN_DEG, _FINE_DEG = 2.0, 0.25
+"""Steps of the directions in which a cut is looked for at first, and near the best of them."""
+_THICK, _SPACINGS = 0.02, 2.5
+"""Thickness of the slice of points that lies in a cut: of the longest side, and in spacings of the points at least."""
+_OUTERMOST, _JUDGED = 0.998, 20_000
+_FACING, _MOST_FACING = 0.6, 0.36
+"""Least cosine between a normal and the cut's for a point to face it, and greatest share of the slice that does so: a
+cut goes through walls, and leaves the thing open, where a side of a thing closes it."""
+_LEAST_FULL = 0.7
+"""Least number of points in the slice, in those of a slice of the same thickness if points were spread evenly over the
+depth of the scan: at the end of a thing there are few."""
+_LEAST_POINTS = 24
+_LEAST_DEPTH, _LEAST_WIDTH = 0.15, 0.12
+"""Least depth of the scan behind the cut, and width of the slice, in longest sides."""
 _APART = 0.05
 """Distance, in longest sides, at which a rim and its copy do not meet at all."""
-_MOST_MISFIT = 0.4
+_MOST_MISFIT = 0.5
 _NOISE = 0.2
 """Misfit of a right half turn that noise makes, which a mirror image, in place by construction, has not."""
 _STEPS = 41
 
 
-def other_half(cloud: PointCloud, up: Float[np.ndarray, "3"]) -> Copy | None:
-    """What makes the missing half of a scan from the half that is there; None where it does not end in a plane.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Cut:
+    """An upright plane in which a scan ends: normal·x = offset."""
 
-    Where a scan's rim lies in one upright plane with all points on one side, the thing was cut in its middle, as far as
-    anyone can tell. Of the mirror image in that plane and the half turn about an upright axis in it, the one is taken
-    that joins the rim better: there the mirror image may have a crease, and the turned one a step.
+    normal: Float64[np.ndarray, "3"]
+    """Unit, to where nothing was measured."""
+    offset: float
+    edge: Int64[np.ndarray, "e"]
+    """Points that lie in it."""
+
+    def mirrored(self, points: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, "p 3"]:
+        """Where the other half may be."""
+        return points - 2.0 * (points @ self.normal - self.offset)[:, None] * self.normal
+
+
+def find_cut(cloud: PointCloud, up: Float[np.ndarray, "3"]) -> Cut | None:
+    """The upright plane in which a scan of half a thing ends; None where it ends in none.
+
+    At a cut as many points lie as in any slice of the scan, in a wide stretch, and hardly any of them faces it: there
+    are walls that go on, and no end of a thing (docs/decisions/0047).
 
     Args:
         cloud: with unit normals outwards.
         up: unit.
     """
-    points = cloud.positions.astype(np.float64)
     assert cloud.normals is not None
-    normals = cloud.normals.astype(np.float64)
-    spacing = float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
-    on_rim = rim(points, normals)
-    cut = _cut(points, on_rim, up, spacing)
-    if cut is None:
+    some = np.random.default_rng(0).permutation(len(cloud.positions))[:_JUDGED]
+    points, normals = cloud.positions[some].astype(np.float64), cloud.normals[some].astype(np.float64)
+    longest = float(np.ptp(points, axis=0).max())
+    thin = _SPACINGS * float(np.median(cKDTree(points).query(points, k=2)[0][:, 1]))
+    x = np.eye(3)[int(np.argmin(np.abs(up)))]
+    x = x - (x @ up) * up
+    axes = np.stack([x / np.linalg.norm(x), np.cross(up, x / np.linalg.norm(x))])
+
+    def full(angle: float, thick: float) -> tuple[float, Cut]:
+        way = np.array([np.cos(angle), np.sin(angle)]) @ axes
+        height = points @ way
+        offset = float(np.quantile(height, _OUTERMOST))
+        edge = np.flatnonzero(height > offset - thick)
+        facing = float((np.abs(normals[edge] @ way) > _FACING).mean())
+        wide = float(np.ptp(np.quantile(points[edge] @ np.cross(way, up), [0.02, 0.98])))
+        deep = offset - float(height.min())
+        share = len(edge) / len(points) * deep / thick
+        good = facing <= _MOST_FACING and wide >= _LEAST_WIDTH * longest and deep >= _LEAST_DEPTH * longest
+        good = good and share >= _LEAST_FULL and len(edge) >= _LEAST_POINTS
+        return (share * (1 - facing) if good else 0.0), Cut(normal=way, offset=offset, edge=some[edge])
+
+    angles = np.radians(np.arange(0.0, 360.0, _TURN_DEG))
+    first = [full(angle, max(thin, _THICK * longest))[0] for angle in angles]
+    if not max(first) > 0:
         return None
-    normal, offset = cut
-    edge = np.flatnonzero(on_rim & (np.abs(points @ normal - offset) < _TOLERANCE * spacing))
+    near = angles[int(np.argmax(first))] + np.radians(np.arange(-_TURN_DEG, _TURN_DEG + _FINE_DEG / 2, _FINE_DEG))
+    return max((full(angle, thin) for angle in near), key=lambda found: len(found[1].edge))[1]
+
+
+def other_half(cloud: PointCloud, up: Float[np.ndarray, "3"], cut: Cut) -> Copy | None:
+    """What makes the missing half of a scan from the half that is there; None where nothing joins it.
+
+    Of the mirror image in the cut and the half turn about an upright axis in it, the one is taken that joins the rim
+    better: there the mirror image may have a crease, and the turned one a step.
+
+    Args:
+        cloud: with unit normals outwards.
+        up: unit.
+        cut: where it ends.
+    """
+    assert cloud.normals is not None
+    points, normals = cloud.positions.astype(np.float64), cloud.normals.astype(np.float64)[cut.edge]
     longest = float(np.ptp(points, axis=0).max())
     found = min(
-        _mirror(normal, offset, normals[edge]),
-        _half_turn(normal, offset, up, points[edge], normals[edge], longest),
+        _mirror(cut.normal, cut.offset, normals),
+        _half_turn(cut.normal, cut.offset, up, points[cut.edge], normals, longest),
         key=lambda copy: copy.misfit,
     )
     return found if found.misfit <= _MOST_MISFIT else None
-
-
-def rim(points: Float64[np.ndarray, "p 3"], normals: Float64[np.ndarray, "p 3"]) -> Bool[np.ndarray, "p"]:
-    """Points at which a surface ends: round them, in their tangent plane, a wide angle holds no neighbour."""
-    near = cKDTree(points).query(points, k=min(_NEIGHBOURS + 1, len(points)))[1][:, 1:]
-    aside = np.eye(3)[np.abs(normals).argmin(axis=1)]
-    right = np.cross(normals, aside)
-    right /= np.maximum(np.linalg.norm(right, axis=1, keepdims=True), 1e-12)
-    down = np.cross(normals, right)
-    way = points[near] - points[:, None]
-    angle = np.sort(np.arctan2((way * down[:, None]).sum(-1), (way * right[:, None]).sum(-1)), axis=1)
-    gaps = np.diff(np.concatenate([angle, angle[:, :1] + 2 * np.pi], axis=1), axis=1)
-    return gaps.max(axis=1) > _GAP
-
-
-def _cut(
-    points: Float64[np.ndarray, "p 3"], on_rim: Bool[np.ndarray, "p"], up: Float[np.ndarray, "3"], spacing: float
-) -> tuple[Float64[np.ndarray, "3"], float] | None:
-    """The upright plane that holds most of the rim and leaves no points beyond: unit normal outwards, offset."""
-    edge = points[on_rim]
-    if len(edge) < _LEAST_POINTS:
-        return None
-    random = np.random.default_rng(0)
-    corners = edge[random.integers(0, len(edge), (_TRIALS, 3))]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normals, axis=1)
-    normals = normals[size > 0] / size[size > 0, None]
-    offsets = (normals * corners[size > 0, 0]).sum(axis=1)
-    side = np.where(normals @ points.mean(axis=0) > offsets, -1.0, 1.0)
-    normals, offsets = normals * side[:, None], offsets * side
-    held = (np.abs(edge @ normals.T - offsets) < _TOLERANCE * spacing).sum(axis=0)
-    beyond = (points @ normals.T - offsets > _TOLERANCE * spacing).mean(axis=0)
-    held = np.where((np.abs(normals @ up) <= _UPRIGHT) & (beyond <= _MOST_BEYOND), held, 0)
-    best = int(held.argmax()) if len(held) else 0
-    if not len(held) or held[best] < max(_LEAST_RIM * len(edge), _LEAST_POINTS):
-        return None
-    return _refined(points, edge, normals[best], float(offsets[best]), spacing)
-
-
-def _refined(
-    points: Float64[np.ndarray, "p 3"],
-    edge: Float64[np.ndarray, "e 3"],
-    normal: Float64[np.ndarray, "3"],
-    offset: float,
-    spacing: float,
-) -> tuple[Float64[np.ndarray, "3"], float] | None:
-    """The plane fitted to its own part of the rim; None where the scan is flat against it, or the rim is a line."""
-    for _ in range(3):
-        own = edge[np.abs(edge @ normal - offset) < _TOLERANCE * spacing]
-        middle = own.mean(axis=0)
-        spreads, axes = np.linalg.eigh(np.cov((own - middle).T))
-        normal = axes[:, 0] * np.sign(axes[:, 0] @ normal)
-        offset = float(normal @ middle)
-    longest = float(np.ptp(points, axis=0).max())
-    offset = float(np.quantile(points @ normal, 0.998))
-    deep = offset - float((points @ normal).min())
-    wide = float(np.ptp((own - middle) @ axes[:, 1]))
-    return (normal, offset) if deep > _LEAST_DEPTH * longest and wide > _LEAST_WIDTH * longest else None
 
 
 def _mirror(normal: Float64[np.ndarray, "3"], offset: float, rim_normals: Float64[np.ndarray, "e 3"]) -> Copy:

@@ -8,8 +8,7 @@ from scipy.spatial import cKDTree
 
 from goc.complete.compose import compose
 from goc.complete.config import ScanConfig
-from goc.complete.copies import Copy
-from goc.complete.scan_copies import scan_copies, seen_of
+from goc.complete.scan_copies import Supposed, seen_of, supposed
 from goc.complete.scan_fill import ScanFill, scan_fill
 from goc.complete.scan_points import cleaned
 from goc.complete.scan_pose import PosedScan, posed
@@ -60,20 +59,20 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
             or a network that cannot be used.
     """
     scan = posed(cleaned(cloud, notify), config)
-    copies = scan_copies(scan, config) if config.copies and config.method != "hull" else ()
-    found = seen_of(scan, config.cells, copies)
-    fill = scan_fill(found, scan, copies, config)
+    beyond = supposed(scan, config) if config.copies and config.method != "hull" else Supposed()
+    found = seen_of(scan, config.cells, beyond.places)
+    fill = scan_fill(found, scan, beyond, config)
     done = compose(found, fill.distance)
     flaw = watertight_flaw(done.mesh)
     if flaw is not None:
         raise CompleteError(f"The scan cannot be closed: {flaw}. Check that its normals point outwards.")
-    closed = _turned_back(done, scan, fill, copies)
+    closed = _turned_back(done, scan, fill, beyond)
     _check_observed(closed, notify)
     _tell_lost(scan.cloud.positions, done.mesh, found.evidence.voxel, notify)
     return closed
 
 
-def _turned_back(done: FlaggedMesh, scan: PosedScan, fill: ScanFill, copies: tuple[Copy, ...]) -> ClosedScan:
+def _turned_back(done: FlaggedMesh, scan: PosedScan, fill: ScanFill, beyond: Supposed) -> ClosedScan:
     areas = face_areas(done.mesh)
     whole = done.observed[done.mesh.faces].all(axis=1)
     return ClosedScan(
@@ -82,7 +81,7 @@ def _turned_back(done: FlaggedMesh, scan: PosedScan, fill: ScanFill, copies: tup
         method=fill.method,
         imagined=float(1 - areas[whole].sum() / areas.sum()),
         up=scan.level_from_scan[2],
-        assumed=(*scan.assumed, *(copy.words for copy in copies), *fill.reasons),
+        assumed=(*scan.assumed, *beyond.words, *fill.reasons),
     )
 
 

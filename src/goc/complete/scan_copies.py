@@ -1,13 +1,14 @@
 """What a scan shows, and what copies of it tell of the rest."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from goc.complete.compose import Measured
 from goc.complete.config import ScanConfig
 from goc.complete.copies import Copy
-from goc.complete.halves import other_half
+from goc.complete.halves import find_cut, other_half
 from goc.complete.mirrors import mirror_planes, surface_points
 from goc.complete.scan_evidence import measured_scan, scan_grid
 from goc.complete.scan_pose import PosedScan
@@ -17,16 +18,27 @@ from goc.scene import Evidence
 _UP = np.array([0.0, 0.0, 1.0])
 
 
-def seen_of(scan: PosedScan, cells: int, copies: tuple[Copy, ...] = ()) -> Measured:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Supposed:
+    """What is supposed of the part of a thing that its scan lacks."""
+
+    copies: tuple[Copy, ...] = ()
+    """Copies of the scan that stand in for it."""
+    places: Float64[np.ndarray, "q 3"] | None = None
+    """Where it may be, should it lie beyond the scan; None: the scan reaches all round the thing."""
+    words: tuple[str, ...] = ()
+    """What is thereby taken for granted."""
+
+
+def seen_of(scan: PosedScan, cells: int, places: Float64[np.ndarray, "q 3"] | None = None) -> Measured:
     """What the scan shows: surface, space that its viewpoints saw past, and space below what it stands on.
 
     Args:
         scan: upright.
         cells: voxels along its longest side.
-        copies: the grid has room for them; they are no evidence.
+        places: the grid has room for them as well; they are no evidence.
     """
-    others = [copy.image(scan.cloud.positions) for copy in copies]
-    grid = scan_grid(scan.cloud.positions, cells, np.concatenate(others) if others else None)
+    grid = scan_grid(scan.cloud.positions, cells, places)
     found = measured_scan(scan.cloud, grid)
     evidence = found.evidence
     for eye in scan.viewpoints:
@@ -40,18 +52,25 @@ def seen_of(scan: PosedScan, cells: int, copies: tuple[Copy, ...] = ()) -> Measu
     return replace(found, evidence=evidence)
 
 
-def scan_copies(scan: PosedScan, config: ScanConfig) -> tuple[Copy, ...]:
-    """Copies of the scan that stand in for what it lacks.
+def supposed(scan: PosedScan, config: ScanConfig) -> Supposed:
+    """What stands in for what a scan lacks.
 
-    Where nothing is known to be empty, the scan may be half a thing, cut through its middle. From a viewpoint, its rim
-    is an outline and no cut; but it may mirror itself, and what rays passed tells where it does not.
+    Where nothing is known to be empty, the scan may be half a thing, cut through its middle: the other half is a copy,
+    and where none joins it, it is a guess, for which there has to be room. From a viewpoint, a scan's rim is an outline
+    and no cut; but the thing may mirror itself, and what rays passed tells where it does not.
     """
     if not scan.viewpoints:
-        half = other_half(scan.cloud, _UP)
-        return () if half is None else (half,)
+        cut = find_cut(scan.cloud, _UP)
+        if cut is None:
+            return Supposed()
+        half = other_half(scan.cloud, _UP, cut)
+        if half is not None:
+            return Supposed(copies=(half,), places=half.image(scan.cloud.positions), words=(half.words,))
+        words = "half a thing: nothing that was measured joins the rim, so that the other half is a guess"
+        return Supposed(places=cut.mirrored(scan.cloud.positions), words=(words,))
     evidence = seen_of(scan, config.cells).evidence
     planes = mirror_planes(*surface_points(evidence), evidence, most=1)
-    return tuple(
+    copies = tuple(
         Copy(
             linear=np.eye(3) - 2 * np.outer(plane.normal, plane.normal),
             shift=2 * plane.offset * plane.normal,
@@ -61,3 +80,6 @@ def scan_copies(scan: PosedScan, config: ScanConfig) -> tuple[Copy, ...]:
         )
         for plane in planes
     )
+    places = [copy.image(scan.cloud.positions) for copy in copies]
+    words = tuple(copy.words for copy in copies)
+    return Supposed(copies=copies, places=np.concatenate(places) if places else None, words=words)

@@ -3,13 +3,15 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float32
+from jaxtyping import Float32, Float64
 
 from goc.complete.compose import Measured, compose, compose_field, with_margin
 from goc.complete.config import ScanConfig
 from goc.complete.convex import convex_fill
-from goc.complete.copies import Copy, new_places, with_copy
+from goc.complete.copies import new_places, with_copy
+from goc.complete.partial import bounding_cube
 from goc.complete.poisson import poisson_fill
+from goc.complete.scan_copies import Supposed
 from goc.complete.scan_evidence import measured_scan
 from goc.complete.scan_pose import PosedScan
 from goc.complete.stage import model_fill, network_for
@@ -18,6 +20,7 @@ from goc.geometry.surfaces import face_areas
 from goc.scene import Evidence, EvidenceGrid, PointCloud
 
 _COARSE_CELLS = 64
+Places = Float64[np.ndarray, "q 3"] | None
 _SMALL_HOLES = 0.25
 """Share of the closed surface that nobody measured up to which a scan is nearly whole."""
 
@@ -33,7 +36,7 @@ class ScanFill:
     """Why this method, in words; empty where it was asked for."""
 
 
-def scan_fill(found: Measured, scan: PosedScan, copies: tuple[Copy, ...], config: ScanConfig) -> ScanFill:
+def scan_fill(found: Measured, scan: PosedScan, beyond: Supposed, config: ScanConfig) -> ScanFill:
     """What fills the unknown space of a scan.
 
     `auto` closes small holes smoothly. Where much is open, the surface lies halfway between the convex hull of the
@@ -42,29 +45,32 @@ def scan_fill(found: Measured, scan: PosedScan, copies: tuple[Copy, ...], config
     Args:
         found: what was measured; its grid holds the copies.
         scan: the points that it was measured from.
-        copies: what stands in for the rest of the thing.
+        beyond: what stands in for the rest of the thing, and where it may be.
         config: names the method.
 
     Raises:
         CompleteError: a network that cannot be used.
     """
     whole, cloud = found, scan.cloud
-    for copy in copies:
+    for copy in beyond.copies:
         cloud = with_copy(cloud, copy, new_places(cloud, copy, found.evidence))
-    if copies:
+    if beyond.copies:
         whole = _with_empty_of(measured_scan(cloud, blank(found.evidence)), found.evidence)
-    fill = _auto(whole, cloud, config) if config.method == "auto" else _asked(whole, cloud, config)
-    if not copies or fill.distance is None:
+    alone = beyond.places if not beyond.copies else None
+    fill = _auto(whole, cloud, config, alone) if config.method == "auto" else _asked(whole, cloud, config, alone)
+    if not beyond.copies or fill.distance is None:
         return fill
     return replace(fill, distance=compose_field(with_margin(whole.evidence), fill.distance, cloud.positions).distance)
 
 
-def _asked(whole: Measured, cloud: PointCloud, config: ScanConfig) -> ScanFill:
-    distance = None if config.method == "hull" else method_fill(config.method, whole, cloud, config)
+def _asked(whole: Measured, cloud: PointCloud, config: ScanConfig, places: Places) -> ScanFill:
+    distance = None if config.method == "hull" else method_fill(config.method, whole, cloud, config, places)
     return ScanFill(distance=distance, method=config.method)
 
 
-def _auto(whole: Measured, cloud: PointCloud, config: ScanConfig) -> ScanFill:
+def _auto(whole: Measured, cloud: PointCloud, config: ScanConfig, places: Places) -> ScanFill:
+    if places is not None:  # all others would close the half with a lid
+        return ScanFill(distance=method_fill("lite", whole, cloud, config, places), method="lite")
     smooth = method_fill("smooth", whole, cloud, config)
     share = _imagined(whole, smooth)
     if share < _SMALL_HOLES:
@@ -75,22 +81,26 @@ def _auto(whole: Measured, cloud: PointCloud, config: ScanConfig) -> ScanFill:
 
 def _imagined(whole: Measured, fill: Float32[np.ndarray, "x y z"]) -> float:
     """Share of the surface of a fill that nobody measured."""
-    done = compose(whole, fill)
+    bare = replace(whole, mesh=replace(whole.mesh, colours=None))  # nobody looks at it
+    done = compose(bare, fill)
     if not len(done.mesh.faces):
         return 1.0
     areas = face_areas(done.mesh)
     return float(areas[~done.observed[done.mesh.faces].all(axis=1)].sum() / areas.sum())
 
 
-def method_fill(method: str, whole: Measured, cloud: PointCloud, config: ScanConfig) -> Float32[np.ndarray, "x y z"]:
-    """What one method fills in."""
+def method_fill(
+    method: str, whole: Measured, cloud: PointCloud, config: ScanConfig, places: Places = None
+) -> Float32[np.ndarray, "x y z"]:
+    """What one method fills in; a network is asked in a cube that holds `places` as well."""
     assert cloud.normals is not None
     if method == "convex":
         return convex_fill(whole)
     if method == "smooth":
         return poisson_fill(cloud.positions, cloud.normals, with_margin(whole.evidence))
     model = network_for(method, config.weights, working_device())
-    return model_fill(model, whole, cloud.normals, config.threshold, _COARSE_CELLS)
+    points = cloud.positions if places is None else np.concatenate([cloud.positions, places])
+    return model_fill(model, whole, cloud.normals, config.threshold, _COARSE_CELLS, bounding_cube(points))
 
 
 def blank(grid: EvidenceGrid) -> EvidenceGrid:

@@ -17,7 +17,7 @@ from goc.complete.decode import QueryGrid, Refinement, decode, signed_distance
 from goc.complete.finish import finished_surface
 from goc.complete.lite import OscLite
 from goc.complete.osc import Osc
-from goc.complete.partial import Completer, bounding_cube, partial_object
+from goc.complete.partial import Completer, Cube, bounding_cube, partial_object
 from goc.complete.weights import SHIPPED, load_network
 from goc.device import CPU
 from goc.errors import CompleteError
@@ -174,6 +174,7 @@ def model_fill(
     threshold: float,
     coarse_cells: int,
     at: EvidenceGrid | None = None,
+    cube: Cube | None = None,
 ) -> Float32[np.ndarray, "x y z"]:
     """What a model fills in, as `compose` takes it: its signed distance at the voxels of `with_margin(at)`.
 
@@ -184,10 +185,11 @@ def model_fill(
         threshold: occupancy at which the model's surface is.
         coarse_cells: cells along the longest side in which its field is asked at first.
         at: evidence of the same object in other voxels, at which the answer is wanted; None: that of `found`.
+        cube: in which it is asked; None: round what was seen.
     """
     grid = with_margin(found.evidence if at is None else at)
     points = found.mesh.vertices
-    cube = bounding_cube(points)
+    cube = bounding_cube(points) if cube is None else cube
     seen = narrowed(found.evidence, _BAND * max(found.evidence.state.shape) * found.evidence.voxel)
     field = model.complete(partial_object(points, normals, seen, cube))
     scale = 2.0 / cube.side

@@ -25,8 +25,9 @@ from goc.evaluation.result import (
     Protocol,
 )
 from goc.evaluation.rooms import has_surface
+from goc.evaluation.scale import scale_doubt
 from goc.evaluation.truth import read_truth
-from goc.events import Listener, ignore
+from goc.events import Listener, Warned, ignore
 from goc.geometry.raycast import TriangleScene
 from goc.scene import ROOM
 
@@ -52,7 +53,7 @@ def evaluate(
             the run's report says that it had no ids, else by id.
         meshes: Which mesh of each object.
         seed: Of all samples.
-        notify: Hears progress.
+        notify: Hears progress, and a warning where the run is in another unit or frame than the truth.
 
     Raises:
         EvaluationError: the run is no such folder.
@@ -60,6 +61,9 @@ def evaluate(
         FileError: a file of either is missing or malformed.
     """
     matched, chosen = _match(run, truth, matching, meshes, seed)
+    doubt = scale_doubt(matched.prediction, matched.truth)
+    if doubt is not None:
+        notify(Warned(stage="eval", message=f"{run}: {doubt}"))
     result = _score(protocol, truth, matched, notify)
     mean, over = means(row for id, row in result.objects.items() if id not in result.skipped)
     objects = {id: _object(matched, result, id) for id in matched.truth.objects}

@@ -12,7 +12,10 @@ _FAR = 100.0
 _ROUND = 10.0
 _FEWEST_STEPS = 200
 """Different values along the longest side that measured points have at least."""
-_FEW_POINTS = 1000
+_FEWEST, _FEW_POINTS = 4, 1000
+"""Points that have a size, and those of which values can be counted."""
+_WIDE = 0.2
+"""Share of the longest side along which a thing is wide enough to count its values."""
 
 
 def recentred(path: Path, positions: Float[np.ndarray, "p 3"]) -> tuple[Float32[np.ndarray, "p 3"], np.ndarray]:
@@ -37,7 +40,7 @@ def recentred(path: Path, positions: Float[np.ndarray, "p 3"]) -> tuple[Float32[
 
 def _offset(positions: Float[np.ndarray, "p 3"]) -> Float64[np.ndarray, "3"]:
     known = positions[np.isfinite(positions).all(axis=1)].astype(np.float64)
-    if not len(known):
+    if len(known) < _FEWEST:
         return np.zeros(3)
     middle = np.median(known, axis=0)
     with np.errstate(over="ignore"):
@@ -50,11 +53,12 @@ def _check_digits(path: Path, positions: Float[np.ndarray, "p 3"]) -> None:
     known = positions[np.isfinite(positions).all(axis=1)]
     if len(known) < _FEW_POINTS:
         return
-    axis = int(np.ptp(known, axis=0).argmax())
-    values = np.unique(known[:, axis])
-    if len(values) < _FEWEST_STEPS:
-        step = float(np.median(np.diff(values))) if len(values) > 1 else 0.0
+    reach = np.ptp(known, axis=0).astype(np.float64)
+    values = [np.unique(column) for column in known.T]
+    few = [axis for axis in range(3) if len(values[axis]) < _FEWEST_STEPS * reach[axis] / reach.max()]
+    steps = [float(np.median(np.diff(values[axis]))) for axis in few if reach[axis] > _WIDE * reach.max()]
+    if steps:
         raise FileError(
-            f"{path}: its {len(known):,} points are {step:.2g} apart in steps, for want of digits this far from the "
-            "origin. Write them in double precision, or nearer to it."
+            f"{path}: its {len(known):,} points are {max(steps):.2g} apart in steps, for want of digits this far from "
+            "the origin. Write them in double precision, or nearer to it."
         )

@@ -77,7 +77,7 @@ def placed(surface: Mesh | PointCloud, offset: Float64[np.ndarray, "3"], remarks
 def as_bytes(colours: Shaped[np.ndarray, "p 3"] | None, count: int) -> UInt8[np.ndarray, "{count} 3"]:
     """Colours as sRGB bytes, whatever they are stored as; mid grey where there are none.
 
-    Bytes stay. Wider integers are of 16 bits if any is above 255. Numbers reach from 0 to 1, or to 255 if any is above 1.
+    Bytes stay. Wider integers are of 16 bits if any is above 255. Numbers reach to 1, or to 255 if any is above 1.
     """
     if colours is None:
         return np.full((count, 3), _NO_COLOUR, np.uint8)

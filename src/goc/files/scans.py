@@ -6,11 +6,12 @@ import numpy as np
 
 from goc.errors import FileError
 from goc.files.any_mesh import MESH_SUFFIXES, read_mesh_or_points
+from goc.files.e57 import read_e57
+from goc.files.las import read_las
 from goc.files.meshes import placed_mesh, raw_vertices
 from goc.files.pcd import read_pcd
 from goc.files.ply import Column, read_ply
 from goc.files.raw_points import RawPoints, Scan, placed, scan_of
-from goc.files.survey_points import read_e57, read_las
 from goc.files.text_points import read_text_points
 
 _READERS = {

@@ -26,9 +26,9 @@ _WIDTHS = {3: 3, 4: 4, 6: 3, 7: 4, 9: 3, 10: 4}
 def read_text_points(path: Path) -> RawPoints:
     """Read x y z a line, then any of an intensity, a colour and a normal, in any order.
 
-    Three columns are normals if they are of length 1, else colours if they reach from 0 to 1 or from 0 to 255. A line of
-    names (`X Y Z R G B Nx Ny Nz`) is believed; `#` and `//` start comments; a line with one number alone is the count of
-    points, as in .pts. Commas and semicolons count as blanks.
+    Three columns are normals if they are of length 1, else colours if they reach from 0 to 1 or from 0 to 255. A line
+    of names (`X Y Z R G B Nx Ny Nz`) is believed; `#` and `//` start comments; a line with one number alone is the
+    count of points, as in .pts. Commas and semicolons count as blanks.
 
     Raises:
         FileError: missing, not numbers in equal rows, of other counts of columns, or fewer rows than announced.
