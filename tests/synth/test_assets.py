@@ -106,3 +106,12 @@ def test_folders_of_no_use_are_refused(tmp_path):
         list_meshes(source(tmp_path / "none"))
     with pytest.raises(ConfigError, match="MeshFolder.scale is 0: needs more than 0"):
         source(tmp_path, scale=0.0)
+
+
+def test_a_face_without_area_does_no_harm(tmp_path):
+    (solid,) = piece(rounded_box((0.5, 0.4, 0.3)))
+    corners = np.concatenate([solid.mesh.faces, [[0, 1, 1], [0, 0, 0]]]).astype(np.int32)
+    flat = MeshPiece(mesh=Mesh(vertices=solid.mesh.vertices, faces=corners))
+    asset = make_asset((flat,), "box", source(tmp_path))
+    assert all(np.isfinite(part.mesh.vertices).all() for part in asset.model.parts)
+    assert len(asset.model.tops) == len(make_asset((solid,), "box", source(tmp_path)).model.tops)

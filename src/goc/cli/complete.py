@@ -27,7 +27,7 @@ INPUT is .ply, .glb, .gltf, .obj, .stl, .off, .pcd, .las, .laz, .e57, or text (.
 are estimated where a point cloud has none; a mesh must be wound counter-clockwise seen from outside. Where the scan was
 seen from is found out if it was one place (from its file, from the origin, or from how dense its points are), and space
 that was seen through stays empty; otherwise nothing is known to be empty, and more is a guess. The output tells what
-was taken for granted, what share is imagined, and how much of that is certain. If you have the views of a scan, use
+was taken for granted, what share is imagined, and how far to trust it. If you have the views of a scan, use
 `goc carve`, which knows the rays of all of them.
 
 examples:

@@ -14,15 +14,16 @@ _TURN_DEG, _FINE_DEG = 2.0, 0.25
 _THICK, _SPACINGS = 0.02, 2.5
 """Thickness of the slice of points that lies in a cut: of the longest side, and in spacings of the points at least."""
 _OUTERMOST, _JUDGED = 0.998, 20_000
-_FACING, _MOST_FACING = 0.6, 0.36
+_FACING, _MOST_FACING = 0.6, 0.5
 """Least cosine between a normal and the cut's for a point to face it, and greatest share of the slice that does so: a
 cut goes through walls, and leaves the thing open, where a side of a thing closes it."""
 _LEAST_FULL = 0.7
 """Least number of points in the slice, in those of a slice of the same thickness if points were spread evenly over the
 depth of the scan: at the end of a thing there are few."""
 _LEAST_POINTS = 24
-_LEAST_DEPTH, _LEAST_WIDTH = 0.15, 0.12
-"""Least depth of the scan behind the cut, and width of the slice, in longest sides."""
+_LEAST_DEPTH, _LEAST_WIDTH, _LEAST_HEIGHT = 0.15, 0.12, 0.1
+"""Least depth of the scan behind the cut, and width and height of the slice, in longest sides: the straight side of a
+plate or a table top looks like a cut, so thin."""
 _APART = 0.05
 """Distance, in longest sides, at which a rim and its copy do not meet at all."""
 _MOST_MISFIT = 0.5
@@ -72,10 +73,11 @@ def find_cut(cloud: PointCloud, up: Float[np.ndarray, "3"]) -> Cut | None:
         edge = np.flatnonzero(height > offset - thick)
         facing = float((np.abs(normals[edge] @ way) > _FACING).mean())
         wide = float(np.ptp(np.quantile(points[edge] @ np.cross(way, up), [0.02, 0.98])))
+        high = float(np.ptp(np.quantile(points[edge] @ up, [0.02, 0.98])))
         deep = offset - float(height.min())
         share = len(edge) / len(points) * deep / thick
         good = facing <= _MOST_FACING and wide >= _LEAST_WIDTH * longest and deep >= _LEAST_DEPTH * longest
-        good = good and share >= _LEAST_FULL and len(edge) >= _LEAST_POINTS
+        good = good and high >= _LEAST_HEIGHT * longest and share >= _LEAST_FULL and len(edge) >= _LEAST_POINTS
         return (share * (1 - facing) if good else 0.0), Cut(normal=way, offset=offset, edge=some[edge])
 
     angles = np.radians(np.arange(0.0, 360.0, _TURN_DEG))

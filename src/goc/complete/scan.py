@@ -22,6 +22,8 @@ _LEAST_OBSERVED = 0.005
 """Least share of the closed surface that lies on the scan: below, normals look inwards and a shell was closed."""
 _LITTLE_OBSERVED = 0.1
 """Share of the closed surface that lies on the scan below which a warning says that the rest is imagined."""
+_MUCH_IMAGINED = 0.6
+"""Share of the closed surface that nobody scanned from which on a warning says how much of it was right so far."""
 _LOST_VOXELS, _LOST_SHARE = 2.0, 0.05
 """Points this many voxels off the closed surface are lost; a warning tells where more than this share is."""
 
@@ -67,7 +69,7 @@ def complete_scan(cloud: PointCloud, config: ScanConfig, notify: Listener = igno
     if flaw is not None:
         raise CompleteError(f"The scan cannot be closed: {flaw}. Check that its normals point outwards.")
     closed = _turned_back(done, scan, fill, beyond)
-    _check_observed(closed, notify)
+    _check_observed(closed, config.method == "auto", notify)
     _tell_lost(scan.cloud.positions, done.mesh, found.evidence.voxel, notify)
     return closed
 
@@ -85,7 +87,7 @@ def _turned_back(done: FlaggedMesh, scan: PosedScan, fill: ScanFill, beyond: Sup
     )
 
 
-def _check_observed(closed: ClosedScan, notify: Listener) -> None:
+def _check_observed(closed: ClosedScan, chosen: bool, notify: Listener) -> None:
     share = 1 - closed.imagined
     if share < _LEAST_OBSERVED:
         raise CompleteError(
@@ -94,6 +96,12 @@ def _check_observed(closed: ClosedScan, notify: Listener) -> None:
         )
     if share < _LITTLE_OBSERVED:
         message = f"Only {share:.0%} of the closed surface was scanned: nearly all of it is imagined."
+        notify(Warned(stage="complete", message=message))
+    elif closed.imagined > _MUCH_IMAGINED and chosen:
+        message = (
+            f"{closed.imagined:.0%} of the surface is imagined. In scans like this, half of it came out within 2 % of "
+            "the thing's size, and one in four was further from the truth than its convex hull (--method convex)."
+        )
         notify(Warned(stage="complete", message=message))
 
 
