@@ -98,12 +98,15 @@ void nearest_triangles(const TriangleBvh& bvh, Triples points, In<double, nb::sh
   });
 }
 
-void all_crossings(const TriangleBvh& bvh, Out<std::int32_t, nb::shape<-1>> counts) {
-  if (counts.shape(0) != bvh.size()) throw std::invalid_argument("crossings: one count a triangle");
+void all_crossings(const TriangleBvh& bvh, In<bool, nb::shape<-1>> asked, Out<std::int32_t, nb::shape<-1>> counts) {
+  if (counts.shape(0) != bvh.size() || asked.shape(0) != bvh.size()) {
+    throw std::invalid_argument("crossings: one count a triangle");
+  }
   nb::gil_scoped_release release;
   parallel_for(bvh.size(), kGrain, [&](std::size_t begin, std::size_t end) {
     for (std::size_t place = begin; place < end; ++place) {
-      counts.data()[bvh.triangle_at(place)] = bvh.crossings(place);
+      const std::int32_t triangle = bvh.triangle_at(place);
+      if (asked.data()[triangle]) counts.data()[triangle] = bvh.crossings(place);
     }
   });
 }
@@ -121,7 +124,8 @@ void bind_raycast(nb::module_& module) {
            "Fill how often a ray from each origin leaves the surface more than it enters.")
       .def("nearest", &nearest_triangles, "points"_a, "limits"_a, "distances"_a, "triangles"_a,
            "Fill distance (infinity: none within the limit) and triangle (-1: none) nearest to each point.")
-      .def("crossings", &all_crossings, "counts"_a, "Fill how many other triangles each triangle cuts.");
+      .def("crossings", &all_crossings, "asked"_a, "counts"_a,
+           "Fill how many other triangles each triangle asked for cuts.");
 }
 
 }  // namespace goc

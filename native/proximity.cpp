@@ -4,65 +4,15 @@
 #include <cmath>
 #include <utility>
 
+#include "crossing.hpp"
 #include "raycast.hpp"
-#include "triangle.hpp"
 
 namespace goc {
 namespace {
 
-// Rounding of plane distances and places on a line, relative to the lengths they are made of. Corners are floats:
-// anything real is larger by far.
-constexpr double kTouch = 1e-10;
-
 Vec corner(const std::array<float, 9>& t, int i) { return {t[3 * i], t[3 * i + 1], t[3 * i + 2]}; }
 
-struct Interval {
-  double low = INFINITY, high = -INFINITY;
-  void add(double x) { low = std::min(low, x), high = std::max(high, x); }
-};
-
-// Signed heights of a triangle's corners over a plane; whether they lie strictly on both sides of it.
-bool straddles(const Vec (&corners)[3], Vec origin, Vec normal, double (&heights)[3]) {
-  const double unit = length(normal);
-  bool above = false, below = false;
-  for (int i = 0; i < 3; ++i) {
-    const Vec arm = corners[i] - origin;
-    heights[i] = dot(arm, normal);
-    if (std::abs(heights[i]) <= kTouch * unit * length(arm)) heights[i] = 0.0;
-    above |= heights[i] > 0.0, below |= heights[i] < 0.0;
-  }
-  return above && below;
-}
-
-// Where the triangle meets the plane its heights are measured from, along one axis.
-Interval meeting(const Vec (&corners)[3], const double (&heights)[3], double Vec::*axis) {
-  Interval found;
-  for (int i = 0; i < 3; ++i) {
-    const int j = (i + 1) % 3;
-    if (heights[i] == 0.0) found.add(corners[i].*axis);
-    if (heights[i] * heights[j] < 0.0) {
-      const double share = heights[i] / (heights[i] - heights[j]);
-      found.add(corners[i].*axis + share * (corners[j].*axis - corners[i].*axis));
-    }
-  }
-  return found;
-}
-
-// Möller (1997): each triangle reaches to both sides of the other's plane, and their pieces of the line in which the
-// planes meet overlap.
-bool cut(const std::array<float, 9>& first, const std::array<float, 9>& second) {
-  Vec a[3], b[3];
-  for (int i = 0; i < 3; ++i) a[i] = corner(first, i), b[i] = corner(second, i);
-  const Vec normal_a = cross(a[1] - a[0], a[2] - a[0]), normal_b = cross(b[1] - b[0], b[2] - b[0]);
-  double over_a[3], over_b[3];
-  if (!straddles(a, b[0], normal_b, over_b) || !straddles(b, a[0], normal_a, over_a)) return false;
-  const Vec line = cross(normal_a, normal_b);
-  double Vec::*axis = std::abs(line.x) > std::abs(line.y) ? &Vec::x : &Vec::y;
-  if (std::abs(line.z) > std::abs(line.*axis)) axis = &Vec::z;
-  const Interval in_a = meeting(a, over_b, axis), in_b = meeting(b, over_a, axis);
-  const double longest = std::max(in_a.high - in_a.low, in_b.high - in_b.low);
-  return std::min(in_a.high, in_b.high) - std::max(in_a.low, in_b.low) > kTouch * longest;
-}
+Triangle triangle(const std::array<float, 9>& t) { return {corner(t, 0), corner(t, 1), corner(t, 2)}; }
 
 }  // namespace
 
@@ -109,6 +59,7 @@ Nearest TriangleBvh::nearest(const double point[3], double limit) const {
 
 std::int32_t TriangleBvh::crossings(std::size_t place) const {
   const std::array<float, 9>& own = corners_[place];
+  const Triangle here = triangle(own);
   float low[3], high[3];
   for (int axis = 0; axis < 3; ++axis) {
     low[axis] = std::min({own[axis], own[3 + axis], own[6 + axis]});
@@ -122,7 +73,7 @@ std::int32_t TriangleBvh::crossings(std::size_t place) const {
     for (std::uint32_t other = first; other < first + count; ++other) {
       if (other == place) continue;
       // In one order whichever of the two asks, so that both get the same answer.
-      found += other < place ? cut(corners_[other], own) : cut(own, corners_[other]);
+      found += other < place ? cut(triangle(corners_[other]), here) : cut(here, triangle(corners_[other]));
     }
     if (count > 0) continue;
     const Node& node = nodes_[first];

@@ -44,7 +44,7 @@ struct Quadric {
 using Corners = std::array<std::int32_t, 3>;
 
 struct Vertex {
-  Vec place, value;
+  Vec value;
   Quadric error;
   double area = 0.0;
   std::uint32_t stamp = 0;

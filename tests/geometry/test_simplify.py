@@ -3,14 +3,16 @@
 import numpy as np
 import pytest
 
+from goc import _native
 from goc.geometry.isosurface import grid_surface
 from goc.geometry.raycast import TriangleScene
-from goc.geometry.relax import relaxed_surface
+from goc.geometry.relax import relaxed_surface, vertex_links, without_cuts
 from goc.geometry.simplify import GOOD_FACE, SimplifyLimits, face_qualities, simplified
 from goc.geometry.surfaces import surface_cloud
 from goc.geometry.topology import is_watertight, signed_volume
 from goc.scene import FlaggedMesh, Mesh
 from laws import carried, rigid, scaled
+from oracles.simplification import Simplification
 from solids import cube, sphere
 
 SIDE = 40
@@ -148,3 +150,67 @@ def test_relaxing_flattens_planes_and_keeps_edges():
     inner = (np.abs(mesh.vertices) < [13, 7, 20]).all(axis=1)
     rough, even = (np.abs(np.abs(at[inner, 2]) - 6.3).mean() for at in (mesh.vertices, places))
     assert even < rough / 2
+
+
+def cuts(mesh: Mesh) -> int:
+    return int(TriangleScene(mesh.vertices, mesh.faces).crossings().sum()) // 2
+
+
+def rough_shell() -> FlaggedMesh:
+    """A shell of little more than a voxel that is nowhere smooth: sheets and lumps that are close to each other."""
+    noise = np.random.default_rng(5).normal(0, 0.45, (SIDE,) * 3)
+    return surface_of(np.abs(np.linalg.norm(AT, axis=-1) - 13.0 + noise) - 0.8)
+
+
+def test_a_light_surface_does_not_cut_itself():
+    full = rough_shell()
+    light = simplified(full, SimplifyLimits(tolerance=0.6, faces=2000)).mesh
+    assert cuts(full.mesh) == 0 and len(light.faces) < len(full.mesh.faces) / 3
+    assert cuts(light) == 0 and is_watertight(light)
+
+
+def test_places_that_make_a_surface_cut_itself_go_home():
+    mesh = rough_shell().mesh
+    places = relaxed_surface(mesh, np.ones(len(mesh.vertices), bool), 20)
+    places[:9] = places[9]  # faces without an area
+    mended = without_cuts(mesh, places)
+    moved = Mesh(vertices=mended, faces=mesh.faces)
+    assert cuts(Mesh(vertices=places, faces=mesh.faces)) > 100
+    assert cuts(moved) == 0 and is_watertight(moved)
+    home = (mended == mesh.vertices).all(axis=1)
+    assert home[:9].all() and (home | (mended == places).all(axis=1)).all()
+
+
+def test_places_that_cut_nothing_stay():
+    mesh = lumpy("ball", 0.05)
+    places = relaxed_surface(mesh, np.ones(len(mesh.vertices), bool), 5)
+    np.testing.assert_array_equal(without_cuts(mesh, places), places)
+
+
+def test_vertices_are_linked_once_each_way():
+    links = vertex_links(cube().faces, 8).toarray()
+    ends = {tuple(sorted((f[i], f[i - 1]))) for f in cube().faces.tolist() for i in range(3)}
+    assert links.sum() == 2 * len(ends) == 36 and all(links[a, b] == links[b, a] == 1 for a, b in ends)
+
+
+@pytest.mark.parametrize(("tolerance", "wanted"), [(0.3, 12), (0.2, 4)])
+def test_the_kernel_collapses_and_flips_the_edges_that_its_twin_does(tolerance, wanted):
+    mesh = sphere(rings=3)
+    noise = np.random.default_rng(wanted).normal(0, 0.02, mesh.vertices.shape)
+    vertices = (mesh.vertices * [1.0, 0.8, 0.6] + noise).astype(np.float32)
+    count = len(vertices)
+    values, groups = np.zeros((count, 3), np.float32), np.zeros(count, np.uint8)
+    found, faces, _, _ = _native.simplify(vertices, mesh.faces, values, groups, tolerance, wanted, 0.0, 0.0)
+    twin = Simplification(vertices, mesh.faces, tolerance)
+    twin.collapse(wanted)
+    for _ in range(6):
+        twin.flip()
+    assert len(faces) == len(twin.faces) < len(mesh.faces)
+    mine = [twin.places, list(twin.faces.values())]
+    np.testing.assert_allclose(soup(*mine), soup(found, faces), atol=1e-6)
+
+
+def soup(places, faces):
+    """Faces by the places of their corners, in an order of their own."""
+    each = [sorted(tuple(np.round(places[corner], 4) + 0.0) for corner in face) for face in faces]
+    return np.array(sorted(each))

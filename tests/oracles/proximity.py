@@ -31,10 +31,10 @@ def winding(point, vertices, faces):
 def crossing_pairs(vertices, faces):
     """Pairs of triangles that share a segment of positive length and are not coplanar, by clipping."""
     corners = vertices[faces].astype(np.float64)
-    return [(i, j) for i, j in itertools.combinations(range(len(faces)), 2) if _cut(corners[i], corners[j])]
+    return [(i, j) for i, j in itertools.combinations(range(len(faces)), 2) if cut(corners[i], corners[j])]
 
 
-def _cut(first, second, least=1e-7):
+def cut(first, second, least=1e-7):
     """Cut the first triangle by the second's plane, and clip the segment so found by the second's three edges."""
     normal = np.cross(second[1] - second[0], second[2] - second[0])
     normal = normal / np.linalg.norm(normal)

@@ -6,7 +6,7 @@ import numpy as np
 
 from goc.complete.colours import inpainted, with_measured_colours
 from goc.complete.compose import Composition, bare_surface
-from goc.geometry.relax import relaxed_surface
+from goc.geometry.relax import relaxed_surface, without_cuts
 from goc.geometry.simplify import SimplifyLimits, simplified
 from goc.geometry.topology import watertight_flaw
 from goc.scene import FlaggedMesh, Mesh
@@ -55,7 +55,7 @@ def _even(surface: FlaggedMesh, composed: Composition) -> FlaggedMesh:
     for plane in composed.planes:
         on = np.abs(plane.depth(surface.mesh.vertices)) < _ON_PLANE * composed.evidence.voxel
         places[on] -= (plane.depth(places[on])[:, None] * plane.normal).astype(np.float32)
-    return replace(surface, mesh=replace(surface.mesh, vertices=places))
+    return replace(surface, mesh=replace(surface.mesh, vertices=without_cuts(surface.mesh, places)))
 
 
 def _light(surface: FlaggedMesh, faces: int, voxel: float, units_per_metre: float) -> FlaggedMesh:

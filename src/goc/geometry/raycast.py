@@ -117,14 +117,16 @@ class TriangleScene:
         self._bvh.nearest(points, limits, distances, triangles)
         return distances, triangles
 
-    def crossings(self) -> Int32[np.ndarray, "t"]:
+    def crossings(self, asked: Bool[np.ndarray, "t"] | None = None) -> Int32[np.ndarray, "t"]:
         """How many other triangles each triangle cuts; the sum is twice the number of intersecting pairs.
+
+        Only triangles `asked` for are counted, the others get 0.
 
         Two triangles cut each other where they share a segment of positive length and are not coplanar (Möller 1997).
         Touching, in a common edge, a corner or otherwise, is not cutting.
         """
         counts = np.zeros(len(self.faces), np.int32)
-        self._bvh.crossings(counts)
+        self._bvh.crossings(np.ones(len(counts), bool) if asked is None else asked, counts)
         return counts
 
 

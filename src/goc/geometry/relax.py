@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int32, Int64
 from scipy.sparse import csr_array
 
+from goc.geometry.raycast import TriangleScene
 from goc.geometry.surfaces import vertex_normals
 from goc.scene import Mesh
 
@@ -13,6 +14,9 @@ _RINGS = 2
 """Rings over which normals are averaged before they are compared."""
 _ALIKE = 0.3
 """Distance of unit normals at which a neighbour's pull falls to 0.6: about 17 degrees."""
+
+_MENDS = 8
+"""Rounds in which places are mended before all go home."""
 
 
 def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Float32[np.ndarray, "v 3"]:
@@ -38,6 +42,40 @@ def relaxed_surface(mesh: Mesh, free: Bool[np.ndarray, "v"], rounds: int) -> Flo
             pull = _pull(links, normals, rows)
         places[rows] += np.float32(0.5) * (pull @ places - places[rows])
     return places
+
+
+def without_cuts(mesh: Mesh, places: Float32[np.ndarray, "v 3"]) -> Float32[np.ndarray, "v 3"]:
+    """Moved places of a mesh's vertices, with those back home whose faces cut others or have lost their area.
+
+    Each round that does not mend a place takes its neighbours home too; after some rounds, all.
+
+    Args:
+        mesh: as it was before; no two of its faces cut each other, so that going home mends everything.
+        places: of the vertices now.
+    """
+    places, faces = places.copy(), mesh.faces
+    home = np.zeros(len(places), bool)
+    asked = (places != mesh.vertices).any(axis=1)[faces].any(axis=1)
+    for _ in range(_MENDS):
+        bad = faces[_spoilt(places, faces, asked)]
+        if len(bad) == 0:
+            return places
+        called = np.zeros(len(places), bool)
+        called[bad] = True
+        called[faces[np.isin(faces, bad[home[bad].all(axis=1)]).any(axis=1)]] = True
+        asked, home = called[faces].any(axis=1), home | called
+        places[called] = mesh.vertices[called]
+    return places if not _spoilt(places, faces, asked).any() else mesh.vertices.copy()
+
+
+def _spoilt(
+    places: Float32[np.ndarray, "v 3"], faces: Int32[np.ndarray, "t 3"], asked: Bool[np.ndarray, "t"]
+) -> Bool[np.ndarray, "t"]:
+    """Which of the faces asked for cut others or have no area."""
+    spoilt = TriangleScene(places, faces).crossings(asked) > 0
+    a, b, c = (places[faces[asked, corner]].astype(np.float64) for corner in range(3))
+    spoilt[asked] |= (np.cross(b - a, c - a) == 0).all(axis=1)
+    return spoilt
 
 
 def vertex_links(faces: Int32[np.ndarray, "t 3"], count: int) -> csr_array:
