@@ -110,7 +110,7 @@ def as_lz4(metres):
 def test_a_phones_video(tmp_path, monkeypatch, pack):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     write_phone(tmp_path / "scene/iphone", pack)
-    capture = load_capture(tmp_path / "scene")
+    capture = load_capture(tmp_path / "scene", CaptureConfig(checks="off"))
     assert capture.view_names == ("rgb/frame_000000.jpg", "rgb/frame_000010.jpg", "rgb/frame_000020.jpg")
     for frame, number in zip(capture, (0, 10, 20), strict=True):
         assert frame.depth.min().item() == pytest.approx((number + 1) / 10, abs=1e-3)
