@@ -52,6 +52,16 @@ def test_what_the_user_says_is_taken():
     assert sideways.up.tolist() == [0.0, -1.0, 0.0] and sideways.floor == -2.0 and sideways.confidence == 1.0
 
 
+def test_the_format_knows_up_roughly_and_planes_exactly():
+    room = box_room(BOXES, size=(96, 72))
+    tilted = (0.05, 0.0, 1.0)  # 3 degrees off, as a phone may be
+    exact = world_of(replace(room, up=tilted)).up
+    assert np.degrees(np.arccos(min(1.0, exact[2]))) < 0.7
+    sideways = world_of(replace(room, up=(0.0, 2.0, 0.0))).up  # no plane that was found says so: the format is believed
+    assert sideways.tolist() == [0.0, 1.0, 0.0]
+    assert world_of(replace(room, up=(0.0, 1.0, 0.0)), up=(0.0, 0.0, 1.0)).up.tolist() == [0.0, 0.0, 1.0]
+
+
 def test_a_world_that_only_cameras_tell_of_is_warned_about():
     away = [np.array(pose) for pose in orbit(4)]
     room = box_room({}, away, size=(96, 72))

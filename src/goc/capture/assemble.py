@@ -43,9 +43,7 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
     images = [view.ids for view in views if view.ids is not None]
     if images:
         source = replace(source, id_codes=understood(source.path, images, source.id_codes, notify))
-    cut_out = config.use_ids and not images and are_cut_out(views)
-    if cut_out:
-        notify(Warned(stage=_STAGE, message="Photographs are cut out: what is opaque is taken for one object, id 1"))
+    cut_out = config.use_ids and not images and _are_cut_out(views, notify)
     views = _cut(source, views, notify)
     offset = offset_of([view.world_from_cam for view in views])
     views = without_offset(source.path, views, offset, notify)
@@ -68,6 +66,14 @@ def assemble(source: Source, config: CaptureConfig, notify: Listener) -> Capture
         up=source.up,
         offset=offset,
     )
+
+
+def _are_cut_out(views: tuple[View, ...], notify: Listener) -> bool:
+    """Whether ids come from transparency, which is said."""
+    found = are_cut_out(views)
+    if found:
+        notify(Warned(stage=_STAGE, message="Photographs are cut out: what is opaque is taken for one object, id 1"))
+    return found
 
 
 def _cameras(source: Source, views: tuple[View, ...], config: CaptureConfig) -> tuple[Camera, ...]:

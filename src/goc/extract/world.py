@@ -37,7 +37,9 @@ def find_world(mesh: Mesh, views: Capture, config: WorldConfig, notify: Listener
     found = find_gravity(points, normals, voxel, poses, np.random.default_rng(0), given)
     if given is None and views.up is not None:
         stated = np.array(views.up, np.float64) / np.linalg.norm(views.up)
-        if found.up @ stated < _SAME_UP:  # the format knows the way to a few degrees, planes know it better
+        if (
+            not found.is_level or found.up @ stated < _SAME_UP
+        ):  # the format knows the way to a few degrees, planes know it better
             found = find_gravity(points, normals, voxel, poses, np.random.default_rng(0), stated)
     if not found.is_level:
         message = "No level surface tells which way is up: guessed from the cameras. Pass --world.up if it is wrong."

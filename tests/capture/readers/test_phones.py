@@ -77,6 +77,24 @@ class TestRecord3D:
         assert_same_frames(capture, truth, ids=False)
         assert capture.up is None
 
+    def test_the_export_as_exr_and_jpg(self, truth, scan, tmp_path):
+        exr = pytest.importorskip("OpenEXR", reason="OpenEXR needs the extra goc[formats]")
+        folder = tmp_path / "EXR_RGBD"
+        (folder / "depth").mkdir(parents=True)
+        (folder / "rgb").mkdir()
+        with zipfile.ZipFile(scan) as packed:
+            (folder / "metadata.json").write_bytes(packed.read("metadata"))
+            for number, frame in enumerate(truth):
+                (folder / f"rgb/{number}.jpg").write_bytes(packed.read(f"rgbd/{number}.jpg"))
+                header = {"compression": exr.ZIP_COMPRESSION, "type": exr.scanlineimage}
+                exr.File(header, {"R": frame.depth.numpy()}).write(str(folder / f"depth/{number}.exr"))
+        scan.unlink()
+        for path in (tmp_path, folder):
+            assert_same_frames(load_capture(path), truth, ids=False)
+        (folder / "metadata.json").unlink()
+        with pytest.raises(CaptureError, match=r"a Record3D capture without metadata\.json"):
+            load_capture(folder)
+
     def test_depth_of_low_confidence_is_none(self, truth, scan):
         import lzfse
 

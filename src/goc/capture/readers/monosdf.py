@@ -22,7 +22,7 @@ from goc.capture.config import CaptureConfig
 from goc.capture.pixels import Pixels
 from goc.capture.readers.reader import Reader
 from goc.capture.readers.recording import CENTRE, COLOUR, demand, numbered, posed, thinned, warn
-from goc.capture.source import IdCodes, Lens, Source, View
+from goc.capture.source import IdCodes, Lens, Source, View, complain
 from goc.errors import CaptureError, FileError
 from goc.events import Listener
 from goc.files import image_size, is_file, read_bytes, read_json
@@ -57,8 +57,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
     matrices = _matrices(where)
     lacking = [image.name for number, image in images.items() if number not in matrices]
     if lacking:
-        text = f"{where}: {len(lacking)} of {len(images)} images have no world_mat (first: {lacking[0]})"
-        raise CaptureError(f"{text}. Copy the scene again.")
+        raise complain(where, lacking, len(images), "images have no world_mat", "Copy the scene again.")
     indoor = bool(numbered(path, (".png",), r"(\d+)_rgb"))  # other scenes of IDR are not in metres
     depth, normals, sure = (_beside(path, kind) for kind in ("depth", "normal", "mask"))
     masks, ids = numbered(path / "mask", (".png",)), _ids(path, images) if config.use_ids else {}
@@ -82,8 +81,8 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         )
     if cropped:
         warn(notify, "intrinsics are of images before they were cropped about their middle and scaled: corrected so")
-    source = Source(path=path, views=posed(where, views, notify), depth_units_per_metre=1.0, depth_kind="affine")
-    source = replace(source, metric=indoor, least_confidence=_SURE)
+    source = Source(path=path, views=posed(where, views, notify), metric=indoor, least_confidence=_SURE)
+    source = replace(source, depth_units_per_metre=1.0, depth_kind="affine")
     return _labelled(source, path) if ids else source
 
 

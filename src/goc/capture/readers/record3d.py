@@ -80,7 +80,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         where = exported / "metadata.json"
         demand(exported, "Record3D", [("metadata.json", is_file(where)), ("rgb/", is_folder(exported / "rgb"))])
         metadata = _metadata(where, read_bytes(where, _JSON_LIMIT))
-        parts = _Parts(dict(numbered(exported / "rgb", COLOUR)), dict(numbered(exported / "depth", (".exr", ".png"))))
+        parts = _Parts(dict(numbered(exported / "rgb", COLOUR)), dict(numbered(exported / "depth", (".exr",))))
     else:
         where = path / "metadata"
         metadata = _metadata(where, read_bytes(where, _JSON_LIMIT))
