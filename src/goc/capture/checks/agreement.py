@@ -1,8 +1,7 @@
 """Do views agree through depth? Points of one view are carried into the others and compared with what is stored there.
 
 The share of agreeing points is the best single test of a capture: axes, direction of poses, units, the raster that the
-intrinsics belong to, distance instead of z and a lens that is left out all lower it
-(../shared/research/capture-formats.md §5).
+intrinsics belong to, distance instead of z and a lens that is left out all lower it (docs/decisions/0045).
 """
 
 from dataclasses import dataclass
