@@ -112,7 +112,8 @@ def test_an_obj_reads_nothing_outside_its_folder(tmp_path):
         ("a.glb", b"", "not a readable GLB file"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\n", "holds no faces|not a readable OBJ"),
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
-        ("a.stl", b"solid", "not a mesh that goc reads. Convert it to one of .glb, .obj, .ply"),
+        ("a.stl", b"solid", "holds no faces"),
+        ("a.stp", b"solid", "not a mesh that goc reads. Convert it to one of .glb, .gltf, .obj"),
         ("a.ply", b"ply", "a.ply"),
     ],
 )
