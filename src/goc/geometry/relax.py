@@ -55,7 +55,7 @@ def without_cuts(mesh: Mesh, places: Float32[np.ndarray, "v 3"]) -> Float32[np.n
     """
     places, faces = places.copy(), mesh.faces
     home = np.zeros(len(places), bool)
-    asked = (places != mesh.vertices).any(axis=1)[faces].any(axis=1)
+    asked = _touching(faces, (places != mesh.vertices).any(axis=1))
     for _ in range(_MENDS):
         bad = faces[_spoilt(places, faces, asked)]
         if len(bad) == 0:
@@ -63,9 +63,14 @@ def without_cuts(mesh: Mesh, places: Float32[np.ndarray, "v 3"]) -> Float32[np.n
         called = np.zeros(len(places), bool)
         called[bad] = True
         called[faces[np.isin(faces, bad[home[bad].all(axis=1)]).any(axis=1)]] = True
-        asked, home = called[faces].any(axis=1), home | called
+        asked, home = _touching(faces, called), home | called
         places[called] = mesh.vertices[called]
     return places if not _spoilt(places, faces, asked).any() else mesh.vertices.copy()
+
+
+def _touching(faces: Int32[np.ndarray, "t 3"], chosen: Bool[np.ndarray, "v"]) -> Bool[np.ndarray, "t"]:
+    """Which faces have a chosen vertex."""
+    return chosen[faces[:, 0]] | chosen[faces[:, 1]] | chosen[faces[:, 2]]
 
 
 def _spoilt(
