@@ -14,7 +14,7 @@ from goc.export import ExportConfig, export_scene
 from goc.extract import ExtractConfig, WorldConfig, extract_scene, measured_views, rendered_views
 from goc.files import as_json
 from goc.files.layout import OVERVIEW, REPORT
-from goc.priors import PriorsConfig, SegmentConfig, add_priors, segment
+from goc.priors import IdsMode, PriorsConfig, SegmentConfig, add_priors, repair_ids, segment
 from goc.raster import choose_engine
 from goc.reconstruct import LearningRates, Losses, Mcmc, ReconstructConfig, reconstruct, split_views, vote_labels
 from goc.report import write_overview, write_report
@@ -33,6 +33,9 @@ class CarveConfig:
     """Reading the capture."""
     align: AlignConfig = field(default_factory=AlignConfig)
     """Correcting cameras and photographs, where views do not agree."""
+    ids: IdsMode = "auto"
+    """Given ids. keep: trusted. repair: made consistent in 3D, whatever each view calls its masks. auto: repaired where
+    neighbouring views with metric depth do not agree on them."""
     segment: SegmentConfig = field(default_factory=SegmentConfig)
     """Telling objects apart, where the capture has no ids."""
     priors: PriorsConfig = field(default_factory=PriorsConfig)
@@ -92,6 +95,8 @@ def carve(
         if given.has_metric_depth:
             with run.stage("align"):
                 capture = align(given, config.align, train, run)
+        with run.stage("ids"):
+            capture, repair = repair_ids(capture, config.ids, config.segment, run)
         if given.has_metric_depth and not given.has_ids:
             with run.stage("segment"):
                 capture = segment(capture, config.segment, run)
@@ -108,7 +113,7 @@ def carve(
             measured = measured_views(capture, views, run)
             views = measured.views
             scene = extract_scene(splats, views, config.extract, config.world, run, engine.device)
-            scene = replace(scene, settings=as_json(used), metrics=scene.metrics | measured.metrics)
+            scene = replace(scene, settings=as_json(used), metrics=scene.metrics | repair.metrics | measured.metrics)
         with run.stage("complete"):
             scene = complete_objects(scene, config.complete, run, working_device(config.device))
         with run.stage("export"):
