@@ -181,7 +181,9 @@ def _faults(views: Capture, masks: Masks, clusters: Clusters, ids: Int64[np.ndar
     found: dict[str, list[str]] = {kind: [] for kind in ("swaps", "drops", "merges", "splits")}
     for index in by_name(views):
         mine = np.flatnonzero(masks.frames == index)
-        for kind, count in _faults_of_view(table[mine], masks.given[mine], clusters.of_mask[mine], ids, clusters.consistent).items():
+        for kind, count in _faults_of_view(
+            table[mine], masks.given[mine], clusters.of_mask[mine], ids, clusters.consistent
+        ).items():
             found[kind] += [views.view_names[index]] * count
     return {kind: Fault(count=len(where), views=tuple(dict.fromkeys(where))[:LISTED]) for kind, where in found.items()}
 
