@@ -100,7 +100,7 @@ def test_a_finished_run_reads_back_as_the_scene_that_it_made(capture, finished, 
 
 def test_the_report_tells_the_whole_run(finished, capture):
     report = read_report(finished / "report.json")
-    assert list(report.seconds) == ["capture", "align", "reconstruct", "extract", "complete", "export"]
+    assert list(report.seconds) == ["capture", "align", "ids", "reconstruct", "extract", "complete", "export"]
     assert (report.capture.path, report.capture.views) == (str(capture), VIEWS)
     assert [(item.id, item.label) for item in report.objects] == [(1, LABELS["1"]), (2, LABELS["2"])]
     for item in report.objects:

@@ -21,7 +21,8 @@ def parts_of_masks(table: Int64[np.ndarray, "m k"], doubtful: Bool[np.ndarray, "
     """Which things each mask of a view really covers, from the pixels (or voxels) that they share.
 
     Masks of which nothing is known are `doubtful`. Those that views confirmed, and what is unlabelled, cover a thing
-    only if they cover much of what there is of it: noise of depth eats into thin things, and rims are left out on purpose.
+    only if they cover much of what there is of it: noise of depth eats into thin things, and rims are left out on
+    purpose.
     """
     counts = table.astype(float)
     with np.errstate(divide="ignore", invalid="ignore"):
