@@ -117,7 +117,7 @@ def method_fill(
         return poisson_fill(cloud.positions, cloud.normals, with_margin(whole.evidence))
     model = network_for(method, config.weights, working_device())
     points = cloud.positions if places is None else np.concatenate([cloud.positions, places])
-    return model_fill(model, whole, cloud.normals, config.threshold, _COARSE_CELLS, bounding_cube(points))
+    return model_fill(model, whole, cloud.normals, config.threshold, _COARSE_CELLS, cube=bounding_cube(points))
 
 
 def blank(grid: EvidenceGrid) -> EvidenceGrid:

@@ -110,7 +110,6 @@ def test_a_malformed_meta_is_one_error(tmp_path, change, message):
         ),
         ("2 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", r"0001\.txt: its axes, of lengths 2 1 1"),
         ("nan 0 0 0\n0 1 0 0\n0 0 1 0\n0 0 0 1\n", r"pose/0001\.txt: 1 numbers are not finite"),
-        ("-inf " * 4, "numbers are not finite"),
         ("", r"pose/0001\.txt: expected a matrix, found nothing"),
     ],
 )
@@ -119,6 +118,14 @@ def test_a_malformed_pose_is_one_error(tmp_path, text, message):
     (tmp_path / "pose/0001.txt").write_text(text)
     with pytest.raises(CaptureError, match=message):
         load_capture(tmp_path)
+
+
+def test_views_without_a_finite_pose_are_left_out_and_counted(tmp_path):
+    write_rgbd(tmp_path, views=3)
+    (tmp_path / "pose/0001.txt").write_text("-inf " * 16)
+    heard = []
+    assert load_capture(tmp_path, notify=heard.append).view_names == ("color/0000.jpg", "color/0002.jpg")
+    assert any("1 of 3 views have no finite pose and are left out (first: 0001.jpg)" in e.message for e in heard)
 
 
 def test_missing_files_are_counted(tmp_path):

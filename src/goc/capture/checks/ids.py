@@ -140,13 +140,8 @@ def _from_view_to_view(sample: Sample) -> Iterator[Finding]:
         return
     share = same / compared
     told = f"of points of objects that two views share, {100 * share:.0f} % have the same id in both"
-    if share < _SAME_SURELY:
-        yield contradiction(
-            "ids-change",
-            f"{told}: ids were given in each view anew. Track them over the views, or pass --capture.no-use-ids.",
-        )
-    else:
-        yield doubt("ids-change", f"{told}: ids flicker, swap, or are split in some views")
+    kind = "were given in each view anew" if share < _SAME_SURELY else "flicker, swap, or are split in some views"
+    yield doubt("ids-change", f"{told}: ids {kind}. `goc carve` repairs them, unless --ids keep is passed")
 
 
 def _compared(here: Frame, there: Frame) -> tuple[int, int]:
