@@ -69,7 +69,14 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
             )
         )
     views = posed(root / _POSES, views, notify)
-    return Source(path=path, views=views, least_confidence=_MEDIUM_CONFIDENCE, metric=True, up=(0.0, 0.0, 1.0))
+    return Source(
+        path=path,
+        views=views,
+        least_confidence=_MEDIUM_CONFIDENCE,
+        metric=True,
+        up=(0.0, 0.0, 1.0),
+        direction="world-to-camera",
+    )
 
 
 def _frames(path: Path) -> Path | None:

@@ -85,7 +85,7 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
         )
         for number in numbers
     ]
-    source = Source(path=path, views=posed(where, views, notify), metric=True)
+    source = Source(path=path, views=posed(where, views, notify), metric=True, direction="world-to-camera")
     return replace(source, id_names=found.names)
 
 

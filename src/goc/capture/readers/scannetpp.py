@@ -76,7 +76,8 @@ def read(path: Path, config: CaptureConfig, notify: Listener) -> Source:
     views = (
         _phone(part, images, lenses, config, notify) if _is_phone(part) else _dslr(part, images, lenses, config, notify)
     )
-    source = Source(path=part, views=posed(model, views, notify), metric=True, up=(0.0, 0.0, 1.0))
+    placed = posed(model, views, notify)
+    source = Source(path=part, views=placed, metric=True, up=(0.0, 0.0, 1.0), direction="world-to-camera")
     scans = next((folder for folder in (path / "scans", path.resolve().parent / "scans") if is_folder(folder)), None)
     return source if scans is None else _with_scan(source, scans, notify)
 
