@@ -20,8 +20,8 @@ test: $(VENV)/.installed-test
 	$(BIN)/lint-imports
 	$(BIN)/python -m nanobind.stubgen -q -m goc._native -o src/goc/_native.pyi
 	PYRIGHT_PYTHON_IGNORE_WARNINGS=1 $(BIN)/pyright --pythonpath $(BIN)/python
-	$(BIN)/python -m pytest $(TRACED) --cov --cov-report=term:skip-covered
-	$(BIN)/python -m pytest $(addprefix --ignore=,$(TRACED))
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto $(TRACED) --cov --cov-report=term:skip-covered
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -n auto $(addprefix --ignore=,$(TRACED))
 
 # Build the kernels into src/goc, for work on a source tree: PYTHONPATH=src.
 native:
