@@ -57,7 +57,7 @@ def _no_objects(values: Int16[np.ndarray, "k"], views: int) -> Finding:
     )
 
 
-def _codings(images: Sequence[tuple[str, Int16[np.ndarray, "h w"]]]) -> Iterator[Finding]:
+def _codings(images: Sequence[tuple[str, Int16[np.ndarray, "_ _"]]]) -> Iterator[Finding]:
     crowded = [name for name, ids in images if len(np.unique(ids)) > _MANY]
     if crowded:
         yield doubt(
