@@ -218,3 +218,10 @@ def test_depth_can_be_none_of_the_kinds(tmp_path):
     source = with_depth(source_of(tmp_path), [tmp_path / "d.png"] * 2)
     with pytest.raises(CaptureError, match="another aspect ratio"):
         assemble(source, CaptureConfig(), ignore)
+
+
+def test_square_photographs_are_not_on_their_side(tmp_path):
+    lens = Lens(48, 48, (50.0, 53.0), (24.0, 24.0))
+    heard = []
+    capture = load_capture(write_nerfstudio(tmp_path, views=3, lens=lens), CaptureConfig(checks="off"), heard.append)
+    assert heard == [] and capture.cameras[0].focal_px.tolist() == [50.0, 53.0]

@@ -109,7 +109,9 @@ def _of_image_size(source: Source, views: tuple[View, ...], notify: Listener) ->
     sizes = [_image_size(view) for view in views]
     fits = {view.lens for view, size in zip(views, sizes, strict=True) if size == (view.lens.width, view.lens.height)}
     for view, size in zip(views, sizes, strict=True):
-        if view.lens in fits and size == (view.lens.height, view.lens.width) and _is_symmetric(view.lens):
+        as_stated = size == (view.lens.width, view.lens.height)  # always so where sides are equal
+        turned = not as_stated and size == (view.lens.height, view.lens.width)
+        if turned and view.lens in fits and _is_symmetric(view.lens):
             view = replace(view, lens=_on_its_side(view.lens))
             swapped.append(view.name)
         lens = view.lens
