@@ -11,18 +11,18 @@ using Sums = nb::ndarray<double, nb::shape<kRegisterSums>, nb::c_contig, nb::dev
 
 class BoundSurface {
  public:
-  BoundSurface(Vectors points, Vectors normals, Values grey, Values detail)
-      : points_(points), normals_(normals), grey_(grey), detail_(detail) {
+  BoundSurface(Vectors points, Vectors normals, Values grey)
+      : points_(points), normals_(normals), grey_(grey) {
     const std::size_t count = points.shape(0);
-    check(normals.shape(0) == count && grey.shape(0) == count && detail.shape(0) == count, "one row a point");
+    check(normals.shape(0) == count && grey.shape(0) == count, "one row a point");
   }
   Surface get() const {
-    return {static_cast<int>(points_.shape(0)), points_.data(), normals_.data(), grey_.data(), detail_.data()};
+    return {static_cast<int>(points_.shape(0)), points_.data(), normals_.data(), grey_.data()};
   }
 
  private:
   Vectors points_, normals_;
-  Values grey_, detail_;
+  Values grey_;
 };
 
 void bound_register(const BoundSurface& surface, const Camera& seen_from, const Camera& camera, Plane depth, Image normals,
@@ -43,9 +43,8 @@ void bound_register(const BoundSurface& surface, const Camera& seen_from, const 
 
 void bind_register(nb::module_& module) {
   module.attr("REGISTER_SUMS") = static_cast<int>(kRegisterSums);
-  nb::class_<BoundSurface>(module, "Surface", "Points, normals, grey and its detail that a view shows, in its own axes.")
-      .def(nb::init<Vectors, Vectors, Values, Values>(), nb::arg("points"), nb::arg("normals"), nb::arg("grey"),
-           nb::arg("detail"));
+  nb::class_<BoundSurface>(module, "Surface", "Points, normals and grey that a view shows, in its own axes.")
+      .def(nb::init<Vectors, Vectors, Values>(), nb::arg("points"), nb::arg("normals"), nb::arg("grey"));
   module.def("register_surface", &bound_register, nb::arg("surface"), nb::arg("seen_from"), nb::arg("camera"),
              nb::arg("depth"), nb::arg("normals"), nb::arg("grey"), nb::arg("limits"), nb::arg("sums").noconvert(),
              "Normal equations of the surface of one view against the images of another.");

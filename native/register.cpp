@@ -11,18 +11,10 @@ constexpr float kDark = 0.02f, kBright = 0.97f;  // beyond, a photograph says no
 constexpr int kFewest = 60;                      // points that a comparison of grey takes
 constexpr int kRounds = 3;                       // of reweighting gain and offset
 
-// A point that the target shows too.
-struct Match {
-  float x, y, z;     // target's axes
-  float nx, ny, nz;  // target's normal
-  float gap;         // along it
-};
-
 struct Shade {
   float own, seen;   // grey of the surface and of the target
   float cx, cy, cz;  // change of the target's grey as the point moves
   float x, y, z;
-  float own_detail, seen_detail;
 };
 
 void add(double* out, const double* a, double r, double weight) {
@@ -106,8 +98,7 @@ void register_surface(const Surface& surface, const Camera& seen_from, const Tar
     between_pixels(target.grey, lens.width, u, v, &grey, &gx, &gy);
     if (grey < kDark || grey > kBright || surface.grey[i] < kDark || surface.grey[i] > kBright) continue;
     const float jx = gx * lens.fx / z, jy = gy * lens.fy / z;
-    shades.push_back({surface.grey[i], grey, jx, jy, -(jx * x + jy * y) / z, x, y, z, surface.detail[i],
-                      std::sqrt(gx * gx + gy * gy)});
+    shades.push_back({surface.grey[i], grey, jx, jy, -(jx * x + jy * y) / z, x, y, z});
   }
   double* last = out + 2 * kRegisterTerms;
   last[0] = 1.0;
@@ -118,8 +109,6 @@ void register_surface(const Surface& surface, const Camera& seen_from, const Tar
     double a[6];
     lever(a, s.x, s.y, s.z, s.cx, s.cy, s.cz);
     add(out + kRegisterTerms, a, r, 1 / ((1 + far * far) * (1 + far * far) * scale * scale));
-    last[2] += s.own_detail;
-    last[3] += s.seen_detail;
   }
 }
 

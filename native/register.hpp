@@ -10,7 +10,6 @@ struct Surface {
   const float* points;   // count x 3
   const float* normals;  // count x 3, unit
   const float* grey;     // count
-  const float* detail;   // count, length of the gradient of grey, per pixel
 };
 
 // Images of the view that it is compared with.
@@ -29,11 +28,11 @@ struct RegisterLimits {
 };
 
 constexpr int kRegisterTerms = 6 * 6 + 6 + 2;
-constexpr int kRegisterSums = 2 * kRegisterTerms + 4;
+constexpr int kRegisterSums = 2 * kRegisterTerms + 2;
 
 // Sums over the points that both views see. A twist (turn, shift) in the target's axes moves the surface; r(twist) ≈ r + a·twist.
 // out: for gaps along the target's normals, then for differences of grey: Σ w a aᵀ (36), Σ w a r (6), points, Σ|r|;
-// then gain and offset that make the surface's grey the target's, and Σ detail of the surface and of the target there.
+// then gain and offset that make the surface's grey the target's.
 void register_surface(const Surface& surface, const Camera& seen_from, const Target& target, const RegisterLimits& limits,
                       double* out);
 

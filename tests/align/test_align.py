@@ -11,8 +11,9 @@ import captures
 from cameras import pinhole
 from goc import _native
 from goc.align import AlignConfig, align
+from goc.align.exposure import brightness_apart
 from goc.align.images import coarse_view, samples_of
-from goc.align.system import Given, Look, compare, moved
+from goc.align.system import Given, Look, PairSums, compare, moved
 from goc.capture.source import Lens
 from goc.scene import Alignment, Capture, Frame, StoredFrames
 from oracles import register
@@ -109,6 +110,16 @@ def test_held_out_views_follow_and_have_no_say():
     assert np.array_equal(a[train], b[train])
     assert errors(a, poses_of(room().cameras))[0] < 0.004
     assert len(capture) == 12
+
+
+def test_brightness_is_compared_at_mid_grey_and_pairs_count_by_their_points():
+    sums = np.zeros((3, _native.REGISTER_SUMS))
+    sums[:, -2:] = [[1.0, 0.0], [0.5, 0.25], [1.0, 0.05]]  # the second trades gain for offset: mid-grey stays
+    sums[:, 44 + 42] = [10.0, 40.0, 60.0]
+    found = PairSums(pairs=[(0, 1), (1, 2), (2, 0)], sums=sums)
+    assert brightness_apart(found) == pytest.approx(np.log(1.1))
+    sums[2, 44 + 42] = 40.0
+    assert brightness_apart(found) == 0.0
 
 
 def test_gains_of_photographs_are_found():

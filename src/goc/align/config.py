@@ -16,7 +16,8 @@ class AlignConfig(Settings):
     """Move cameras until the depth and the photographs of their views agree. auto: where the capture has metric depth
     and its views disagree by more than `least_m` or `least_deg`."""
     exposure: Switch = "auto"
-    """Give all photographs one exposure: gain and offset of each channel. auto: where gains differ by `least_gain`."""
+    """Give all photographs one exposure: gain and offset of each channel. auto: where their brightness differs
+    by `least_brightness`."""
     position_m: Positive = 0.02
     """Standard deviation of the given camera positions, metres: cameras are held to them by this."""
     angle_deg: Annotated[float, Range(above=0, most=90)] = 1.0
@@ -25,5 +26,5 @@ class AlignConfig(Settings):
     """Cameras that would move by less (median) are left as they are, if they would turn by little too."""
     least_deg: Positive = 0.1
     """Cameras that would turn by less (median) are left as they are, if they would move by little too."""
-    least_gain: Positive = 0.03
-    """Photographs whose gains differ by less (standard deviation, as a share) are left as they are."""
+    least_brightness: Positive = 0.07
+    """Photographs that show mid-grey less differently (median over pairs, as a share) are left as they are."""

@@ -11,6 +11,7 @@ from goc.align.system import Look, PairSums
 
 _HELD = 1e-3
 """What holds gains to 1 and offsets to 0, in typical pairs: views that nothing connects keep their exposure."""
+_MID_GREY = 0.5
 _ROUNDS = 4
 """Of reweighting pairs that do not fit the others."""
 _ODD = 0.03
@@ -20,6 +21,18 @@ _ODD = 0.03
 def channel_looks(look: Look) -> list[Look]:
     """Looks at each channel."""
     return [replace(look, channel=channel) for channel in range(3)]
+
+
+def brightness_apart(found: PairSums) -> float:
+    """How much brighter one photograph shows mid-grey than another, as a share: median over pairs, by their points.
+
+    Not the spread of fitted gains: where a pair shows little contrast, gain and offset trade with each other.
+    """
+    gain, offset, points = found.shades[found.shades[:, 2] > 0].T
+    change = np.abs(np.log(np.maximum(gain * _MID_GREY + offset, 1e-3) / _MID_GREY))
+    order = np.argsort(change)
+    heard = np.cumsum(points[order])
+    return float(change[order][np.searchsorted(heard, heard[-1] / 2)]) if len(heard) else 0.0
 
 
 def exposures(found: list[PairSums], count: int) -> Float64[np.ndarray, "v 3 2"]:

@@ -77,11 +77,7 @@ class Samples:
 
     def shown_with(self, grey: Float32[np.ndarray, "h w"]) -> "_native.Surface":
         """The points with what a grey image has there."""
-        rows, columns = self.pixels
-        here, height, width = grey[self.pixels], *grey.shape
-        down = grey[np.minimum(rows + 1, height - 1), columns] - here
-        detail = np.hypot(down, grey[rows, np.minimum(columns + 1, width - 1)] - here)
-        return _native.Surface(self.points, self.normals, here, detail)
+        return _native.Surface(self.points, self.normals, grey[self.pixels])
 
 
 def _blurred(levels: Float32[np.ndarray, "h w"], sigma_px: float) -> Float32[np.ndarray, "h w"]:

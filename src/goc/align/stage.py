@@ -56,7 +56,9 @@ def _aligned(capture: Capture, config: AlignConfig, train: list[int], notify: Li
     metrics = disagreement(views, _given(views, config))
     off = metrics["pose_disagreement_m"] > config.least_m or metrics["pose_disagreement_deg"] > config.least_deg
     move = config.poses == "on" or (config.poses == "auto" and off)
-    even = config.exposure == "on" or (config.exposure == "auto" and metrics["exposure_spread"] > config.least_gain)
+    even = config.exposure == "on" or (
+        config.exposure == "auto" and metrics["exposure_disagreement"] > config.least_brightness
+    )
     poses = gains = None
     if move or even:
         on = np.zeros(len(capture), bool)

@@ -74,11 +74,6 @@ class PairSums:
         """Gain and offset that make the first view's photograph the second's, and how many points tell them."""
         return np.stack([self.sums[:, 2 * _TERMS], self.sums[:, 2 * _TERMS + 1], self.sums[:, _TERMS + 42]], -1)
 
-    @property
-    def details(self) -> Float64[np.ndarray, "m 2"]:
-        """Sum of detail of first and second view over the points of each pair."""
-        return self.sums[:, 2 * _TERMS + 2 :]
-
 
 def compare(
     views: Sequence[AlignedView | None],
