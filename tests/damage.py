@@ -149,13 +149,6 @@ def moved(factor: float) -> Damage:
     return poses(change)
 
 
-def random_ids(stored: np.ndarray) -> np.ndarray:
-    """Other ids for the things of each view."""
-    generator = np.random.default_rng(int(stored.sum()))
-    table = np.r_[0, generator.permutation(200)[: int(stored.max())] + 1].astype(np.uint8)
-    return table[stored]
-
-
 def distances(folder: Path) -> None:
     """Depth along each pixel's ray."""
     changed = document(folder)

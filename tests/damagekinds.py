@@ -19,7 +19,6 @@ from damage import (
     one,
     pairs_as_text,
     poses,
-    random_ids,
 )
 
 NAN, INF = float("nan"), float("inf")
@@ -298,7 +297,6 @@ IDS = [
     Kind(
         "ids 0 and 255", ids(lambda i: ((i > 0) * 255).astype(np.uint8)), r"255 is taken for one object", refused=False
     ),
-    Kind("ids new in each view", ids(random_ids), r"ids were given in each view anew\. `goc carve`", refused=False),
     Kind("ids beyond", ids(lambda i: i.astype(np.uint16) * 20000), r"holds id 40000, beyond 32767"),
     Kind("ids one thing", ids(lambda i: i * 0 + 3), r"one id covers every view", refused=False),
 ]

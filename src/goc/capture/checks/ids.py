@@ -1,29 +1,22 @@
-"""Checks of instance ids: what is no coding of objects at all, and what does not hold still."""
+"""Checks of instance ids: what is no coding of objects at all. Whether views agree is the repair's question (0049)."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-import torch
 from jaxtyping import Float64, Int16
 
 from goc.capture.checks.finding import Finding, contradiction, doubt
 from goc.capture.checks.sample import Sample
 from goc.capture.pixels import path_of
 from goc.capture.source import Source, count_of, shown
-from goc.scene import ROOM, UNLABELLED, Frame
+from goc.scene import ROOM, UNLABELLED
 
 _LOSSY = (".jpg", ".jpeg", ".webp")
 _MANY = 200
 """Ids in one view, from which on they are hardly things."""
-_THIN_IDS, _THIN_SHARE = 4, 0.4
-"""Ids in the median view that exist only along edges, and their share of its ids, from which on they are mixtures."""
-_SAME, _SAME_SURELY = 0.85, 0.35
-"""Share of points of objects whose id is the same in another view."""
-_FEWEST = 150
 _FEW_VIEWS = 6
 _ENCLOSED = 0.8
 """Share of the cameras that walls have on all sides."""
-_CLOSE = 0.03
 
 
 def id_findings(sample: Sample) -> Iterator[Finding]:
@@ -42,7 +35,6 @@ def id_findings(sample: Sample) -> Iterator[Finding]:
         return
     yield from _codings(images)
     yield from _surroundings(sample)
-    yield from _from_view_to_view(sample)
 
 
 def _no_objects(values: Int16[np.ndarray, "k"], views: int) -> Finding:
@@ -123,37 +115,3 @@ def _labelled_points(sample: Sample) -> tuple[Float64[np.ndarray, "p 3"], Int16[
             points.append(world[known].numpy())
             numbers.append(frame.ids[::step, ::step].reshape(-1)[known].numpy())
     return np.concatenate(points), np.concatenate(numbers)
-
-
-def _from_view_to_view(sample: Sample) -> Iterator[Finding]:
-    """The same point of an object, seen in two views, has the same id."""
-    if not sample.capture.has_metric_depth:
-        return
-    same = compared = 0
-    frames = [frame for frame in sample.frames if frame.ids is not None and frame.depth is not None]
-    for here in frames:
-        for there in frames:
-            if here is not there:
-                equal, number = _compared(here, there)
-                same, compared = same + equal, compared + number
-    if compared < _FEWEST or same >= _SAME * compared:
-        return
-    share = same / compared
-    told = f"of points of objects that two views share, {100 * share:.0f} % have the same id in both"
-    kind = "were given in each view anew" if share < _SAME_SURELY else "flicker, swap, or are split in some views"
-    yield doubt("ids-change", f"{told}: ids {kind}. `goc carve` repairs them, unless --ids keep is passed")
-
-
-def _compared(here: Frame, there: Frame) -> tuple[int, int]:
-    """Points of one view's objects that another view sees and labels: with the same id, and all."""
-    assert here.depth is not None and here.ids is not None and there.depth is not None and there.ids is not None
-    step = max(1, here.camera.width // 40)
-    points = here.camera.double().unproject_depth(here.depth.double())[::step, ::step]
-    mine = here.ids[::step, ::step]
-    pixels, z = there.camera.double().project(points)
-    size = torch.tensor([there.camera.width, there.camera.height])
-    inside = ((pixels >= 0) & (pixels < size)).all(-1) & (mine > ROOM)
-    x, y = pixels[inside].long().unbind(-1)
-    seen, other = there.depth[y, x], there.ids[y, x]
-    agree = ((z[inside] / seen - 1).abs() < _CLOSE) & (other != UNLABELLED)
-    return int((other[agree] == mine[inside][agree]).sum()), int(agree.sum())
